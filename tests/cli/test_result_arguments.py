@@ -92,13 +92,13 @@ def test_a_muscle_that_is_not_listed_is_added(tmp_path: Path, capsys: pytest.Cap
     words = ["run", "vowel-i", "--out", str(tmp_path), *SMALL, "--set", "muscle.STY.force_N=2", "--set", "muscle.1.force_N=1"]
     assert command(words) == 0
     with open_result(tmp_path / "vowel-i.vtkhdf") as result:
-        first, _, _, added = result.model["muscles"]
+        first, *_, added = result.model["muscles"]
     assert (first["name"], first["force_N"], added["name"], added["force_N"]) == ("GGp", 1.0, "STY", 2.0)
     assert (added["profile"], added["rise_ms"], added["distribution"]) == ("ramp", 50.0, "stress")
     for setting, sentence in (
         ("muscle.STX.force_N=1", "STX"),
-        ("muscle.0.force_N=1", "muscle has 2 entries, counted from 1"),
-        ("muscle.3.force_N=1", "muscle has 2 entries, counted from 1"),
+        ("muscle.0.force_N=1", "muscle has 3 entries, counted from 1"),
+        ("muscle.4.force_N=1", "muscle has 3 entries, counted from 1"),
         ("bone.hyoid.friction=1", """To add an entry write 'bone.+={name="hyoid", ...}'."""),
     ):
         capsys.readouterr()

@@ -117,7 +117,7 @@ def test_muscles_lose_the_share_of_the_elements_that_went():
     centre, volume = 1e3 * mesh.points[mesh.hexes].mean(axis=1), volumes(mesh.points, mesh.hexes)
     resected = ((centre > low) & (centre < high)).all(axis=1)
     grafted = ((centre > [90.0, 8.0, 90.0]) & (centre < [110.0, 99.0, 200.0])).all(axis=1)
-    for name, force_N in (("GGp", 2.0), ("GGa", 0.2)):
+    for name, force_N in (("GGp", 1.33), ("GGh", 0.67), ("GGa", 0.2)):
         stress = fibre_stress(mesh, anatomy.muscles[name], force_N, "both", Profile.constant())
         work = stress.stress_Pa * volume[stress.elements]
         lost = (resected | grafted)[stress.elements]
@@ -129,7 +129,7 @@ def test_muscles_lose_the_share_of_the_elements_that_went():
         moved_by = model.mesh.points[model.mesh.hexes[left.elements]] - mesh.points[mesh.hexes[stress.elements[~lost]]]
         assert not moved_by.any()
     assert report["removed_elements"] == resected.sum() and report["graft_elements"] == grafted.sum()
-    for lines, name in zip(model.fibres, ("GGp", "GGa"), strict=True):
+    for lines, name in zip(model.fibres, ("GGp", "GGh", "GGa"), strict=True):
         assert 0 < sum(map(len, lines)) <= sum(len(fibre.points) for fibre in anatomy.muscles[name].fibres)
         for line in lines:
             assert model.mesh.at(line, model.mesh.points) == pytest.approx(line.position, abs=1e-9)
@@ -180,17 +180,18 @@ def test_a_line_that_is_cut_pulls_no_more(direction, tmp_path):
         assert len(load.points) == 1 and load.tension_N[0] == pytest.approx([1.0])
         assert cut.model.mesh.at(load.points[0], cut.model.mesh.points) == pytest.approx(load.points[0].position, abs=1e-12)
     assert cut.surgery["muscle_loss_percent"]["LINE"] == pytest.approx(100.0 * 38.0 / (38.0 + 14.0), rel=1e-9)
-    assert any("1 of 2 lines of LINE" in note for note in cut.surgery["notes"])
+    assert any("1 of the 2 lines along which LINE pulls" in note for note in cut.surgery["notes"])
 
 
 def test_a_line_from_outside_goes_with_its_insertion(tmp_path):
     mesh = box(CELLS, EDGE_M * np.array(CELLS))
     pull = [{"name": "STAY", "force_N": 2.0, "distribution": "stress"}]
     whole = own(tmp_path / "a", mesh, MUSCLE, muscle=pull).model
-    cut = own(tmp_path / "b", mesh, MUSCLE, muscle=pull, resection=[{"box_mm": [[25, -1, -1], [30, 5, 5]]}])
-    assert len(whole.pulls[0].points) == 2
-    (line,) = cut.model.pulls[0].points
-    assert line.position[0] == pytest.approx([0.06, 0.008, 0.008])
+    cut = own(tmp_path / "b", mesh, MUSCLE, muscle=pull, resection=[{"box_mm": [[20, -1, -1], [41, 11, 11]]}])
+    assert len(whole.pulls[0].points) == 2 * 16  # each anchor pulls at 16 points around the entry of its fibre
+    assert len(cut.model.pulls[0].points) == 16
+    for line in cut.model.pulls[0].points:
+        assert line.position[0] == pytest.approx([0.06, 0.008, 0.008])
     line = MUSCLE.replace("[0.039, 0.002, 0.002]", "[0.018, 0.002, 0.002], [0.028, 0.002, 0.002], [0.039, 0.002, 0.002]")
     gap = own(
         tmp_path / "c", mesh, line, muscle=[{**pull[0], "name": "LINE"}], resection=[{"box_mm": [[20, -1, -1], [25, 5, 5]]}]
@@ -199,7 +200,7 @@ def test_a_line_from_outside_goes_with_its_insertion(tmp_path):
     assert np.allclose(np.concatenate(pieces), [1.0, 18.0, 28.0, 39.0, 1.0, 15.0]) and list(map(len, pieces)) == [2, 2, 2]
     (fibre,) = cut.model.fibres[0]
     assert np.array_equal(fibre.position, whole.fibres[0][1].position)
-    assert any("1 of 2 lines of STAY" in note for note in cut.surgery["notes"])
+    assert any("16 of the 32 lines along which STAY pulls" in note for note in cut.surgery["notes"])
 
 
 def test_points_and_ties_go_with_their_tissue():

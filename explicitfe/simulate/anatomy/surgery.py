@@ -345,8 +345,8 @@ def surgery_report(
         if isinstance(before, FibrePull) and isinstance(now, FibrePull) and len(now.points) < len(before.points):
             lines = len(before.points)
             notes.append(
-                f"{lines - len(now.points)} of {lines} lines of {before.name} run through removed or replaced tissue; they "
-                "are cut and do not pull."
+                f"{lines - len(now.points)} of the {lines} lines along which {before.name} pulls run through removed or replaced "
+                "tissue; they are cut and do not pull."
             )
     gone = [name for name in intact.probes if name not in after.probes]
     if gone:

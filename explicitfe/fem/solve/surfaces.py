@@ -7,11 +7,12 @@ from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import connected_components
 
 from explicitfe.fem.bones.surface import in_mm
-from explicitfe.fem.forces.surfaces import DAMPING_RATIO, STIFFER, find_touching_at_rest
+from explicitfe.fem.forces.surface_search import find_touching_at_rest
+from explicitfe.fem.forces.surfaces import DAMPING_RATIO, STIFFER
 from explicitfe.fem.mesh.hexmesh import FACES, HexMesh, free_faces, shape_functions
 from explicitfe.fem.mesh.surface_points import points_on_faces, surface_areas
 from explicitfe.fem.model.surface_contact import SurfaceContact
-from explicitfe.platform.compiled.contact_arrays import CELLS, FACES_NEAR, NUMBERS, RUBBING, SKIN, Surfaces
+from explicitfe.platform.compiled.contact_arrays import CELLS, FACES_NEAR, NUMBERS, OPTIONS, RUBBING, SKIN, Surfaces
 from explicitfe.platform.compiled.jit import kernel
 from explicitfe.platform.errors import InputError
 
@@ -175,6 +176,13 @@ def _arrays(
         near=np.zeros((len(face), FACES_NEAR), dtype=np.int32),
         near_count=np.zeros(len(face), dtype=np.int64),
         normal=np.zeros((len(face), 3)),
+        looked=np.full((nodes, 3), np.nan),
+        option=np.zeros((points, OPTIONS), dtype=np.int32),
+        options=np.zeros(points, dtype=np.int64),
+        waiting=np.zeros(points, dtype=np.int64),
+        waiting_count=np.zeros(1, dtype=np.int64),
+        trial=np.zeros(4 * FACES_NEAR, dtype=np.int64),
+        distance=np.zeros(4 * FACES_NEAR),
         close=np.zeros(FACES_NEAR, dtype=np.int64),
         active=np.zeros(len(face), dtype=np.int64),
         active_count=np.zeros(1, dtype=np.int64),

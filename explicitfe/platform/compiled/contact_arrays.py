@@ -10,6 +10,7 @@ import numpy as np
 # coefficient.
 SKIN, RUBBING, NUMBERS = range(3)
 FACES_NEAR = 64  # faces kept for each face: in a fold of a fine mesh there are two dozen
+OPTIONS = 24  # triangles kept for each point: around a node of a surface there are 6 to 16
 CELLS = 16  # of the search along each direction
 
 
@@ -39,6 +40,13 @@ class Surfaces(NamedTuple):
     near: np.ndarray  # faces near each face that may touch it, int32, (f, FACES_NEAR)
     near_count: np.ndarray  # how many, int64, (f,)
     normal: np.ndarray  # outward unit normals of the faces at the last search, (f, 3)
+    looked: np.ndarray  # positions of the nodes when the triangles near points were noted [m], (k, 3); NaN before the first time
+    option: np.ndarray  # triangles that each point may touch, 4 times the face plus the corner, int32, (q, OPTIONS)
+    options: np.ndarray  # how many, int64, (q,)
+    waiting: np.ndarray  # points that may touch one, rising, int64, (q,)
+    waiting_count: np.ndarray  # how many, int64, (1,)
+    trial: np.ndarray  # triangles near one point, int64, (4 FACES_NEAR,)
+    distance: np.ndarray  # its distance from them [m], (4 FACES_NEAR,)
     close: np.ndarray  # of the faces near a face those that it may touch now, int64, (FACES_NEAR,)
     active: np.ndarray  # faces that are near another one, rising, int64, (f,)
     active_count: np.ndarray  # how many, int64, (1,)

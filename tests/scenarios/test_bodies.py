@@ -6,10 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from pydantic import ValidationError
 
 import explicitfe
 from explicitfe.platform.errors import InputError
+from explicitfe.simulate.anatomy import catalogue
 from explicitfe.simulate.anatomy.tongue import assemble
+from explicitfe.simulate.scenario.bones import BoneTable
 from explicitfe.simulate.scenario.read import read_transient
 
 SCENARIO = """title = "A plate above a block"
@@ -90,3 +93,15 @@ def test_a_plate_rests_on_a_block(tmp_path: Path) -> None:
 def test_what_is_refused(tmp_path: Path, changed: dict[str, object], sentence: str) -> None:
     with pytest.raises(InputError, match=sentence):
         explicitfe.run(write(tmp_path, **changed), tmp_path / "out")
+
+
+def test_only_the_built_in_palate_has_a_velum() -> None:
+    """It ends where the body of that name begins; no other bone can be cut so."""
+    shape = catalogue.bones("tongue")["palate"]
+    assert shape.without_velum is not None
+    assert shape.without_velum.points[:, 0].max() == pytest.approx(0.103) < shape.surface.points[:, 0].max()
+    velum = catalogue.built_in("velum").mesh
+    assert velum.points[velum.node_sets["hard-palate"], 0] == pytest.approx(0.103)
+    for table in ({"name": "jaw"}, {"name": "palate", "file": "palate.stl", "length_unit": "mm"}):
+        with pytest.raises(ValidationError, match="has no velum: velum = false belongs to the built-in bone"):
+            BoneTable.model_validate({**table, "velum": False})

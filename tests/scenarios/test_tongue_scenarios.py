@@ -47,6 +47,7 @@ MESH_DIFFERENCE_MM = {
     "alveolar-t-sl": 0.1,
     "alveolar-t-sealed": 0.1,
     "velar-k": 0.1,
+    "velar-k-soft": 0.1,
     "sequence-iau": 0.1,
     "sequence-aka": 0.1,
     "supine": 0.26,
@@ -366,6 +367,19 @@ def test_a_sealed_t_touches_as_palatograms_show(ran):
     assert not any(rows[6] + rows[7])
     assert 0.2 < closed.contact["palate"].peak_kPa < 3.0
     assert ran("alveolar-t-sealed").measures.contact["palate"].area_mm2 == 0.0
+
+
+def test_a_k_closes_at_a_velum_that_gives_way(ran):
+    """The air ends between the tongue and a body that yields, at the pressure of a tongue in speech."""
+    done = ran("velar-k-soft")
+    closed = held(done)
+    assert closed.constriction.width_mm == 0.0 and closed.constriction.place_mm > 85.0
+    assert closed.contact["palate"].midline_free and closed.points["velum.uvula"].forward_mm < -0.05
+    with open_result(done.result) as result:
+        pressed = result.field("surface_pressure", time_s=HELD_S)
+        middle = np.abs(result.mesh.points[:, Y]) < 1e-9
+    assert 200.0 < pressed[middle].max() < pressed.max() < 4500.0
+    assert done.measures.constriction.width_mm > 1.0
 
 
 def test_without_ggm_sl_closes_nothing_and_leaves_the_dorsum_high(ran):

@@ -32,6 +32,7 @@ class BoneShape:
     surface : at rest.
     hinge_m : (3,) m. A point of the axis, parallel to y, about which it turns; None for a bone that does not.
     incisor_m : (3,) m. The edge of its incisors, whose way down is the opening of the mouth; None for a bone that does not turn.
+    without_velum : the surface of a palate up to where the velum begins; None for another bone.
     """
 
     name: str
@@ -39,6 +40,7 @@ class BoneShape:
     surface: TriangleSurface
     hinge_m: np.ndarray | None = None
     incisor_m: np.ndarray | None = None
+    without_velum: TriangleSurface | None = None
 
 
 def read_bones(path: Path) -> dict[str, BoneShape]:
@@ -56,12 +58,12 @@ def read_bones(path: Path) -> dict[str, BoneShape]:
     for name, table in tables.items():
         try:
             surface = plate(table) if "underside_mm" in table else arch(table)
+            hard = plate(table, table["velum_from_mm"]) if "velum_from_mm" in table else None
             title = str(table["title"])
         except (KeyError, ValueError) as error:
             raise InputError(f"{path}: {name}: a table is missing or has the wrong shape: {error}.") from error
-        bones[name] = BoneShape(
-            name, title, surface, _midsagittal_point(table, "hinge_mm"), _midsagittal_point(table, "incisor_mm")
-        )
+        hinge, incisor = _midsagittal_point(table, "hinge_mm"), _midsagittal_point(table, "incisor_mm")
+        bones[name] = BoneShape(name, title, surface, hinge, incisor, hard)
     return bones
 
 
@@ -73,14 +75,14 @@ def _midsagittal_point(table: BoneTable, name: str) -> np.ndarray | None:
     return 1e-3 * np.array([x, 0.0, z])
 
 
-def plate(table: BoneTable) -> TriangleSurface:
-    """A solid above an underside z(x, |y|), from its first x to its last and out to the half width at each x.
+def plate(table: BoneTable, until_mm: float = np.inf) -> TriangleSurface:
+    """A solid above an underside z(x, |y|), from its first x to its last or to ``until_mm``, out to the half width at each x.
 
     ``table`` holds x_mm (k,), half_width_mm (k,), y_mm (l,) from 0, underside_mm (k, l), thickness_mm.
     """
     x_mm, y_mm = _row(table, "x_mm"), _row(table, "y_mm")
     underside = _table(table, "underside_mm", (len(x_mm), len(y_mm)))
-    x = _refined(x_mm, _MESH_MM)
+    x = _refined(np.concatenate([x_mm[x_mm < until_mm], [min(until_mm, x_mm[-1])]]), _MESH_MM)
     width = scipy.interpolate.PchipInterpolator(x_mm, _table(table, "half_width_mm", x_mm.shape))(x)
     share = np.linspace(0.0, 1.0, int(np.ceil(width.max() / _MESH_MM)) + 1)
     side = width[:, None] * share

@@ -10,13 +10,15 @@ from explicitfe.fem.bones.surface import in_mm
 from explicitfe.fem.forces.surface_search import find_touching_at_rest
 from explicitfe.fem.forces.surfaces import DAMPING_RATIO, STIFFER
 from explicitfe.fem.mesh.hexmesh import FACES, HexMesh, free_faces, shape_functions
+from explicitfe.fem.mesh.quality import volumes
 from explicitfe.fem.mesh.surface_points import points_on_faces, surface_areas
 from explicitfe.fem.model.surface_contact import SurfaceContact
 from explicitfe.platform.compiled.contact_arrays import CELLS, FACES_NEAR, NUMBERS, OPTIONS, RUBBING, SKIN, Surfaces
 from explicitfe.platform.compiled.jit import kernel
 from explicitfe.platform.errors import InputError
 
-# How deep a point may lie below a face, in edges of that; and the skin, in mean edges of all.
+# How deep a point may lie below a face, in mean edges of that, and no deeper than its element is thick: behind that there may be
+# other points of the same surface. And the skin, in mean edges of all.
 DEEPEST_EDGES, SKIN_EDGES = 0.3, 0.2
 PIECES = 2  # along an edge of a face, each with two by two points
 _NONE = np.zeros(0)
@@ -56,7 +58,9 @@ def surfaces_of(contact: SurfaceContact | None, mesh: HexMesh, place: np.ndarray
     edges_m = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
     numbers = np.zeros(NUMBERS)
     numbers[[SKIN, RUBBING]] = SKIN_EDGES * edges_m.mean(), contact.friction
-    deepest = DEEPEST_EDGES * edges_m.mean(axis=1)
+    across = np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])
+    thickness_m = volumes(mesh.points, mesh.hexes)[element] / (0.5 * np.linalg.norm(across, axis=1))
+    deepest = np.minimum(DEEPEST_EDGES * edges_m.mean(axis=1), thickness_m)
     points, areas_m2 = points_on_faces(mesh, element, face, PIECES)
     per_face = len(areas_m2) // len(quads)
     share = np.take_along_axis(shape_functions(points.natural), FACES[np.repeat(face, per_face)], axis=1)

@@ -15,6 +15,7 @@ from explicitfe.fem.mesh.triangles import corners_of, plane_segments, surface_tr
 from explicitfe.platform.errors import InputError
 from explicitfe.results.files import Recorded
 from explicitfe.results.files.airway_table import AirwayTable, WallTable
+from explicitfe.results.measure.bodies import roof_of, tongue_of
 from explicitfe.results.measure.document import AirwayRegion
 from explicitfe.results.measure.sections import X, Z, middle
 from explicitfe.results.measure.tract import COLUMN_WIDTH_M, TOUCHING_GAP_M, SectionPlane, columns, crossings, palate_midline
@@ -89,10 +90,11 @@ def surroundings(result: Recorded, step: int, table: AirwayTable) -> Surrounding
     """
     if PALATE_BONE not in result.bones:
         raise InputError(f'{result.path} has no airway: it requires a [[bone]] named "{PALATE_BONE}"; add it to the scenario.')
-    mesh, bones = result.mesh, result.placed_bones(step)
-    tongue, _ = surface_triangles(mesh, mesh.points + result.displacement(step))
+    (mesh, displacement), bones = tongue_of(result, step), result.placed_bones(step)
+    tongue, _ = surface_triangles(mesh, mesh.points + displacement)
     jaw = corners_of(*bones[JAW_BONE]) if JAW_BONE in bones else tongue[:0]
-    around = bounds_of_air(tongue, corners_of(*bones[PALATE_BONE]), jaw, table, middle(mesh), _palate_shift(result))
+    roof = roof_of(result, step, bones[PALATE_BONE])
+    around = bounds_of_air(tongue, roof, jaw, table, middle(mesh), _palate_shift(result))
     if around is None:
         raise InputError(f'{result.path} has no airway, because its "{PALATE_BONE}" does not cross the midsagittal plane.')
     return around

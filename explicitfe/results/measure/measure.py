@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from explicitfe.fem.mesh.triangles import corners_of, surface_triangles
+from explicitfe.fem.mesh.triangles import surface_triangles
 from explicitfe.platform.errors import InputError
 from explicitfe.results.documents.run_summary import kind_of
 from explicitfe.results.files import Recorded, open_result
+from explicitfe.results.measure.bodies import roof_of, tongue_of
 from explicitfe.results.measure.contact import contacts
 from explicitfe.results.measure.document import Constriction, Measures
 from explicitfe.results.measure.formants import airway_of
@@ -51,7 +52,7 @@ def measures_if_any(result: Recorded) -> Measures | None:
 
 def measures_of(result: Recorded, step: int, formants: bool = False) -> Measures:
     """The measures at one stored step, whose displacements are finite."""
-    mesh, u = result.mesh, result.displacement(step)
+    mesh, u = tongue_of(result, step)
     return Measures(
         result=str(result.path),
         title=str(result.model.get("scenario", {}).get("title", "")),
@@ -73,14 +74,14 @@ def constriction_of(result: Recorded, step: int) -> Constriction | None:
     if PALATE not in result.bones:
         return None
     at_rest, now = result.bones[PALATE], result.placed_bones(step)[PALATE]
-    return constriction(result.mesh, result.displacement(step), corners_of(*at_rest), corners_of(*now))
+    return constriction(*tongue_of(result, step), roof_of(result, 0, at_rest), roof_of(result, step, now))
 
 
 def nearest_of(result: Recorded, step: int) -> Nearest | None:
     """Where tongue and palate are nearest in the midsagittal plane; None without a palate, or where the plane misses one."""
     if PALATE not in result.bones:
         return None
-    mesh, palate = result.mesh, result.placed_bones(step)[PALATE]
-    line = palate_midline(corners_of(*palate), middle(mesh))
-    tongue, _ = surface_triangles(mesh, mesh.points + result.displacement(step))
+    mesh, displacement = tongue_of(result, step)
+    line = palate_midline(roof_of(result, step, result.placed_bones(step)[PALATE]), middle(mesh))
+    tongue, _ = surface_triangles(mesh, mesh.points + displacement)
     return None if line is None else narrowest(line, tongue, middle(mesh))

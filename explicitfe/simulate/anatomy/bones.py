@@ -62,7 +62,8 @@ def _surface(
         if table.name not in built_in:
             hint = nearest(table.name, built_in) if built_in else "this model has no bones; give the surface with the key file."
             raise InputError(f'unknown bone "{table.name}"; {hint}')
-        surface, what = built_in[table.name].surface, f'bone "{table.name}"'
+        shape, what = built_in[table.name], f'bone "{table.name}"'
+        surface = shape.without_velum if not table.velum and shape.without_velum is not None else shape.surface
     else:
         assert table.length_unit is not None  # the schema has checked that it is given
         path = folder / table.file

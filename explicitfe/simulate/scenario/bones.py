@@ -22,6 +22,9 @@ class BoneTable(Table):
         gt=0.0,
         description="length of the hard palate, from the edge of the incisors along the midline",
     )
+    velum: bool = Field(
+        default=True, description="false: the built-in palate ends where the velum begins, which is then a [[body]]"
+    )
     with_jaw: bool | None = Field(
         default=None, description='whether it moves with the jaw; by default true for the bone "jaw" only'
     )
@@ -34,6 +37,8 @@ class BoneTable(Table):
             raise ValueError(f'"{self.name}" cannot be a name in a result file: give one of letters and digits, without "/"')
         if self.hard_palate_mm is not None and self.name != "palate":
             raise ValueError(f'"{self.name}" has no hard palate: hard_palate_mm belongs to the bone called "palate"')
+        if not self.velum and (self.name != "palate" or self.file is not None):
+            raise ValueError(f'"{self.name}" has no velum: velum = false belongs to the built-in bone "palate"')
         return self
 
     @property

@@ -99,7 +99,8 @@ def test_only_the_built_in_palate_has_a_velum() -> None:
     """It ends where the body of that name begins; no other bone can be cut so."""
     shape = catalogue.bones("tongue")["palate"]
     assert shape.without_velum is not None
-    assert shape.without_velum.points[:, 0].max() == pytest.approx(0.103) < shape.surface.points[:, 0].max()
+    assert shape.without_velum.points[:, 0].max() == pytest.approx(0.103)
+    assert shape.surface.points[:, 0].max() == pytest.approx(0.134)
     velum = catalogue.built_in("velum").mesh
     assert velum.points[velum.node_sets["hard-palate"], 0] == pytest.approx(0.103)
     for table in ({"name": "jaw"}, {"name": "palate", "file": "palate.stl", "length_unit": "mm"}):

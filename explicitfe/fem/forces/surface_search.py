@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 
 from explicitfe.fem.forces.closest_point import closest_on_triangle
-from explicitfe.platform.compiled.contact_arrays import CELLS, FACES_NEAR, OPTIONS, SKIN
+from explicitfe.platform.compiled.contact_arrays import CELLS, FACES_NEAR, TRIANGLES_NEAR, SKIN
 from explicitfe.platform.compiled.jit import leaf, part_of_kernels
 
 TIE_SHARE = 1e-9  # of a squared distance: triangles that are as near to a point have an edge or a corner in common
@@ -220,16 +220,16 @@ def look(surfaces, point, close, slack):
     count = 0
     for number in range(tried):
         if surfaces.distance[number] <= best + 2.0 * slack:
-            if count == OPTIONS:  # of a mesh with needles: the furthest gives way
+            if count == TRIANGLES_NEAR:  # of a mesh with needles: the furthest gives way
                 last = 0
-                for k in range(1, OPTIONS):
+                for k in range(1, TRIANGLES_NEAR):
                     if square_to(surfaces, px, py, pz, surfaces.option[point, k]) > square_to(
                         surfaces, px, py, pz, surfaces.option[point, last]
                     ):
                         last = k
                 if surfaces.distance[number] ** 2 >= square_to(surfaces, px, py, pz, surfaces.option[point, last]):
                     continue
-                for k in range(last, OPTIONS - 1):
+                for k in range(last, TRIANGLES_NEAR - 1):
                     surfaces.option[point, k] = surfaces.option[point, k + 1]
                 count -= 1
             surfaces.option[point, count] = surfaces.trial[number]

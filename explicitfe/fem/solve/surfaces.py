@@ -13,7 +13,7 @@ from explicitfe.fem.mesh.hexmesh import FACES, HexMesh, free_faces, shape_functi
 from explicitfe.fem.mesh.quality import volumes
 from explicitfe.fem.mesh.surface_points import points_on_faces, surface_areas
 from explicitfe.fem.model.surface_contact import SurfaceContact
-from explicitfe.platform.compiled.contact_arrays import CELLS, FACES_NEAR, NUMBERS, OPTIONS, RUBBING, SKIN, Surfaces
+from explicitfe.platform.compiled.contact_arrays import CELLS, FACES_NEAR, NUMBERS, TRIANGLES_NEAR, RUBBING, SKIN, Surfaces
 from explicitfe.platform.compiled.jit import kernel
 from explicitfe.platform.errors import InputError
 
@@ -181,7 +181,7 @@ def _arrays(
         near_count=np.zeros(len(face), dtype=np.int64),
         normal=np.zeros((len(face), 3)),
         looked=np.full((nodes, 3), np.nan),
-        option=np.zeros((points, OPTIONS), dtype=np.int32),
+        option=np.zeros((points, TRIANGLES_NEAR), dtype=np.int32),
         options=np.zeros(points, dtype=np.int64),
         waiting=np.zeros(points, dtype=np.int64),
         waiting_count=np.zeros(1, dtype=np.int64),

@@ -10,7 +10,7 @@ import numpy as np
 # coefficient.
 SKIN, RUBBING, NUMBERS = range(3)
 FACES_NEAR = 64  # faces kept for each face: in a fold of a fine mesh there are two dozen
-OPTIONS = 24  # triangles kept for each point: around a node of a surface there are 6 to 16
+TRIANGLES_NEAR = 24  # triangles kept for each point: around a node of a surface there are 6 to 16
 CELLS = 16  # of the search along each direction
 
 
@@ -41,7 +41,7 @@ class Surfaces(NamedTuple):
     near_count: np.ndarray  # how many, int64, (f,)
     normal: np.ndarray  # outward unit normals of the faces at the last search, (f, 3)
     looked: np.ndarray  # positions of the nodes when the triangles near points were noted [m], (k, 3); NaN before the first time
-    option: np.ndarray  # triangles that each point may touch, 4 times the face plus the corner, int32, (q, OPTIONS)
+    option: np.ndarray  # triangles that each point may touch, 4 times the face plus the corner, int32, (q, TRIANGLES_NEAR)
     options: np.ndarray  # how many, int64, (q,)
     waiting: np.ndarray  # points that may touch one, rising, int64, (q,)
     waiting_count: np.ndarray  # how many, int64, (1,)

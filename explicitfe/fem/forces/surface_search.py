@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 
 from explicitfe.fem.forces.closest_point import closest_on_triangle
-from explicitfe.platform.compiled.contact_arrays import CELLS, FACES_NEAR, TRIANGLES_NEAR, SKIN
+from explicitfe.platform.compiled.contact_arrays import CELLS, FACES_NEAR, SKIN, TRIANGLES_NEAR
 from explicitfe.platform.compiled.jit import leaf, part_of_kernels
 
 TIE_SHARE = 1e-9  # of a squared distance: triangles that are as near to a point have an edge or a corner in common

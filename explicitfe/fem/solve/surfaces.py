@@ -13,7 +13,7 @@ from explicitfe.fem.mesh.hexmesh import FACES, HexMesh, free_faces, shape_functi
 from explicitfe.fem.mesh.quality import volumes
 from explicitfe.fem.mesh.surface_points import points_on_faces, surface_areas
 from explicitfe.fem.model.surface_contact import SurfaceContact
-from explicitfe.platform.compiled.contact_arrays import CELLS, FACES_NEAR, NUMBERS, TRIANGLES_NEAR, RUBBING, SKIN, Surfaces
+from explicitfe.platform.compiled.contact_arrays import CELLS, FACES_NEAR, NUMBERS, RUBBING, SKIN, TRIANGLES_NEAR, Surfaces
 from explicitfe.platform.compiled.jit import kernel
 from explicitfe.platform.errors import InputError
 

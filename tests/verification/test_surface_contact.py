@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
+from surface_bodies import moved
 
 from explicitfe.fem.materials.neo_hooke import NeoHooke
 from explicitfe.fem.mesh.box import box
@@ -24,10 +23,6 @@ from explicitfe.simulate.anatomy.loads import node_shares
 
 SOFT = NeoHooke(C10_Pa=2000.0, poisson=0.45)
 EDGE_M = 0.02
-
-
-def moved(mesh: HexMesh, shift_m: tuple[float, float, float]) -> HexMesh:
-    return replace(mesh, points=mesh.points + np.array(shift_m), named_points={})
 
 
 def two_blocks(gap_m: float = 3e-4, cells: tuple[int, int] = (4, 3)) -> HexMesh:

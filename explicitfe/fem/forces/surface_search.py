@@ -10,11 +10,10 @@ from __future__ import annotations
 import math
 
 from explicitfe.fem.forces.closest_point import closest_on_triangle
-from explicitfe.platform.compiled.contact_arrays import CELLS, FACES_NEAR, SKIN, TRIANGLES_NEAR
+from explicitfe.platform.compiled.contact_arrays import ALIKE, CELLS, FACES_NEAR, SKIN, TRIANGLES_NEAR
 from explicitfe.platform.compiled.jit import leaf, part_of_kernels
 
 TIE_SHARE = 1e-9  # of a squared distance: triangles that are as near to a point have an edge or a corner in common
-MOST_ALIKE = 0.5  # faces whose normals have a larger cosine are skipped: they are on opposite sides of a wall
 SLACK_SHARE = 0.1  # of the skin: nodes that move by half of this leave the triangles that a point may touch as they are
 LEAST_DEPTH_M = 1e-9  # below which the direction to a closest point is rounding
 
@@ -112,7 +111,7 @@ def search(surfaces):
                             and normal[k, 0] * normal[other, 0]
                             + normal[k, 1] * normal[other, 1]
                             + normal[k, 2] * normal[other, 2]
-                            < MOST_ALIKE
+                            < surfaces.numbers[ALIKE]
                             and near < FACES_NEAR
                             and not is_own(surfaces, k, other)
                         ):

@@ -13,13 +13,17 @@ from explicitfe.fem.mesh.hexmesh import FACES, HexMesh, free_faces, shape_functi
 from explicitfe.fem.mesh.quality import volumes
 from explicitfe.fem.mesh.surface_points import points_on_faces, surface_areas
 from explicitfe.fem.model.surface_contact import SurfaceContact
-from explicitfe.platform.compiled.contact_arrays import CELLS, FACES_NEAR, NUMBERS, RUBBING, SKIN, TRIANGLES_NEAR, Surfaces
+from explicitfe.platform.compiled.contact_arrays import ALIKE, CELLS, FACES_NEAR, NUMBERS, RUBBING, SKIN, TRIANGLES_NEAR, Surfaces
 from explicitfe.platform.compiled.jit import kernel
 from explicitfe.platform.errors import InputError
 
 # How deep a point may lie below a face, in mean edges of that, and no deeper than its element is thick: behind that there may be
 # other points of the same surface. And the skin, in mean edges of all.
 DEEPEST_EDGES, SKIN_EDGES = 0.3, 0.2
+# Faces whose normals have a larger cosine are on opposite sides of a wall.
+MOST_ALIKE = 0.5
+# How many times deeper points are looked for at rest, and the cosine of the normals of faces that face each other.
+REST_DEEPER, MOST_OPPOSED = 2.0, -0.5
 PIECES = 2  # along an edge of a face, each with two by two points
 _NONE = np.zeros(0)
 
@@ -57,7 +61,7 @@ def surfaces_of(contact: SurfaceContact | None, mesh: HexMesh, place: np.ndarray
     corners = mesh.points[quads]
     edges_m = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
     numbers = np.zeros(NUMBERS)
-    numbers[[SKIN, RUBBING]] = SKIN_EDGES * edges_m.mean(), contact.friction
+    numbers[[SKIN, RUBBING, ALIKE]] = SKIN_EDGES * edges_m.mean(), contact.friction, MOST_ALIKE
     across = np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])
     thickness_m = volumes(mesh.points, mesh.hexes)[element] / (0.5 * np.linalg.norm(across, axis=1))
     deepest = np.minimum(DEEPEST_EDGES * edges_m.mean(axis=1), thickness_m)
@@ -71,7 +75,14 @@ def surfaces_of(contact: SurfaceContact | None, mesh: HexMesh, place: np.ndarray
     own = _own_faces(mesh, nodes, faces)
     damper = DAMPING_RATIO * np.sqrt(spring * of_points)
     area = surface_areas(mesh)[nodes]
-    surfaces = _arrays(rows, nodes, area, mesh.points[nodes], faces, deepest, own, share, spring, damper, numbers)
+    part = _bodies(mesh)[nodes[faces[:, 0]]]
+    while True:
+        surfaces = _arrays(rows, nodes, area, mesh.points[nodes], faces, deepest, own, share, spring, damper, numbers)
+        behind = _behind_an_edge(surfaces, part, across)
+        if not len(behind):
+            break
+        for one in np.unique(behind[:, 0]):
+            own[one] = np.union1d(own[one], behind[behind[:, 0] == one, 1])
     _check_apart(mesh, nodes, surfaces)
     return surfaces
 
@@ -93,19 +104,44 @@ def highest_contact(surfaces: Surfaces, inverse_mass: np.ndarray) -> float:
     return float(4.0 * STIFFER * (stiffness * inverse_mass[surfaces.node].max(axis=1)).max(initial=0.0))
 
 
+def _behind_an_edge(surfaces: Surfaces, part: np.ndarray, normals: np.ndarray) -> np.ndarray:
+    """Faces (k, 2), of points and below these at rest, of one body, that do not face each other: there is a convex edge between.
+
+    Such points do not touch, however far that face is. What comes so near later was at most twice as deep at rest.
+    """
+    every = surfaces.numbers.copy()
+    every[ALIKE] = np.inf
+    touching, touched = _touching_faces(surfaces._replace(deepest=REST_DEEPER * surfaces.deepest, numbers=every))
+    unit = normals / np.linalg.norm(normals, axis=1, keepdims=True)
+    facing = np.einsum("kx,kx->k", unit[touching], unit[touched]) < MOST_OPPOSED
+    return np.unique(np.column_stack([touching, touched])[(part[touching] == part[touched]) & ~facing], axis=0)
+
+
+def _touching_faces(surfaces: Surfaces) -> tuple[np.ndarray, np.ndarray]:
+    """The faces whose points touch at rest, and those that they touch, (k,) each."""
+    nodes = len(surfaces.node)
+    at_rest = surfaces._replace(node=np.arange(nodes), seen=np.full((nodes, 3), np.nan), looked=np.full((nodes, 3), np.nan))
+    _touching_at(at_rest, np.zeros((nodes, 4)))
+    count = int(surfaces.touches[0])
+    return surfaces.point_face[surfaces.touching[:count]], surfaces.touched[:count].copy()
+
+
+def _bodies(mesh: HexMesh) -> np.ndarray:
+    """Which body each node belongs to, (n,)."""
+    edges = mesh.hexes[:, [0, 1, 2, 3, 4, 5, 6, 0, 1, 2, 3]], mesh.hexes[:, [1, 2, 3, 0, 5, 6, 7, 4, 5, 6, 7]]
+    ends = (np.ones(edges[0].size), (edges[0].ravel(), edges[1].ravel()))
+    return connected_components(coo_array(ends, shape=2 * (mesh.node_count,)), directed=False)[1]
+
+
 def _check_apart(mesh: HexMesh, nodes: np.ndarray, surfaces: Surfaces) -> None:
     """Refuse surfaces that touch at rest: what pushes there would set the body in motion."""
-    at_rest = surfaces._replace(node=np.arange(len(nodes)))
-    _touching_at(at_rest, np.zeros((len(nodes), 4)))
-    count = int(surfaces.touches[0])
+    touching, touched = _touching_faces(surfaces)
+    count = len(touching)
     if not count:
         return
     deepest = int(np.argmax(surfaces.out[:count, 3]))
-    node = nodes[surfaces.face[surfaces.point_face[surfaces.touching[deepest]], 0]]
-    other = nodes[surfaces.face[surfaces.touched[deepest], 0]]
-    edges = mesh.hexes[:, [0, 1, 2, 3, 4, 5, 6, 0, 1, 2, 3]], mesh.hexes[:, [1, 2, 3, 0, 5, 6, 7, 4, 5, 6, 7]]
-    ends = (np.ones(edges[0].size), (edges[0].ravel(), edges[1].ravel()))
-    part = connected_components(coo_array(ends, shape=2 * (mesh.node_count,)), directed=False)[1]
+    node, other = (nodes[surfaces.face[faces[deepest], 0]] for faces in (touching, touched))
+    part = _bodies(mesh)
     who = "two bodies overlap" if part[node] != part[other] else "the surface passes through itself"
     raise InputError(
         f"{who} at rest: {count} points of the surfaces lie inside, the deepest {1e3 * surfaces.out[deepest, 3]:.2g} mm deep at "

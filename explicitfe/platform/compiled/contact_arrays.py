@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 # Entries of ``Surfaces.numbers``: twice how far a node may move before faces near each other are searched again [m]; Coulomb's
-# coefficient.
-SKIN, RUBBING, NUMBERS = range(3)
+# coefficient; faces whose normals have a larger cosine are skipped, as they are on opposite sides of a wall.
+SKIN, RUBBING, ALIKE, NUMBERS = range(4)
 FACES_NEAR = 64  # faces kept for each face: in a fold of a fine mesh there are two dozen
 TRIANGLES_NEAR = 24  # triangles kept for each point: around a node of a surface there are 6 to 16
 CELLS = 16  # of the search along each direction

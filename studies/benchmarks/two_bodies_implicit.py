@@ -2,7 +2,7 @@
 
     python studies/benchmarks/two_bodies_implicit.py
 
-A block of 12 mm stands on the face of one of 20 x 20 x 12 mm, 1 mm beside its middle, and its top is moved down without turning.
+A block of 12 mm stands on a block of 20 x 20 x 12 mm, 1 mm off its centre. Its top moves down and does not rotate.
 The implicit route: hexahedra with eight nodes and 2 x 2 x 2 integration points, neo-Hooke, Newton's iteration in load steps
 (scipy); contact of the nodes of the upper block's underside with the faces of the lower block by a penalty, one side only. So the
 elements, the solver and the kind of contact are different; the material, the meshes and the contact stiffness are the same.

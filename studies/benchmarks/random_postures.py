@@ -2,7 +2,7 @@
 
     python studies/benchmarks/random_postures.py [--count 1000] [--mesh medium] [--share 0.25] [--seed 1]
 
-Each of the twelve muscles is active with probability 0.4, with a force that is uniform up to a share of its maximum; the jaw
+Each muscle is active with probability 0.4, with a force that is uniform up to a share of its maximum; the jaw
 opens by -4 to 12 mm. 200 ms, ramps of 50 ms. The depth is that beyond the depth at rest, the largest at any sample (every 20 ms).
 """
 

@@ -9,6 +9,8 @@ import pytest
 from pydantic import ValidationError
 
 import explicitfe
+from explicitfe.fem.mesh.hexmesh import shape_functions
+from explicitfe.fem.model.model import Model
 from explicitfe.platform.errors import InputError
 from explicitfe.simulate.anatomy import catalogue
 from explicitfe.simulate.anatomy.tongue import assemble
@@ -106,3 +108,82 @@ def test_only_the_built_in_palate_has_a_velum() -> None:
     for table in ({"name": "jaw"}, {"name": "palate", "file": "palate.stl", "length_unit": "mm"}):
         with pytest.raises(ValidationError, match="has no velum: velum = false belongs to the built-in bone"):
             BoneTable.model_validate({**table, "velum": False})
+
+
+WITH_VELUM = """title = "A tongue with a soft palate"
+[model]
+name = "tongue"
+resolution = "coarse"
+attachment = "area"
+[[body]]
+name = "velum"
+model = "velum"
+fixed = ["hard-palate"]
+[[support]]
+name = "velum.levator"
+normal_kPa_per_mm = 5.0
+tangential_kPa_per_mm = 4.0
+shift_mm = [0.0, 0.0, -6.0]
+table = [[0.0, 0.0], [10.0, 1.0]]
+[[muscle]]
+name = "PG"
+force_N = 0.8
+distribution = "stress"
+[analysis]
+duration_ms = 1.0
+"""
+
+
+def assembled(folder: Path, text: str) -> Model:
+    path = folder / "velum.toml"
+    path.write_text(text, encoding="utf-8")
+    return assemble(read_transient(path), folder).model
+
+
+def test_a_palatoglossus_pulls_at_a_velum_that_is_a_body(tmp_path: Path) -> None:
+    """Both ends of its lines lie in elements, as many on each side and as mirror images; without a velum they begin in space."""
+    model = assembled(tmp_path, WITH_VELUM)
+    tongue = catalogue.built_in("tongue", "coarse").mesh
+    (pull,) = model.pulls
+    ends = np.array([line.element for line in pull.points])
+    assert (ends[:, 0] >= tongue.element_count).all() and (ends[:, 1] < tongue.element_count).all() and ends[:, 1].min() >= 0
+    for line in pull.points:
+        weights = shape_functions(line.natural)
+        at = np.einsum("ka,kai->ki", weights, model.mesh.points[model.mesh.hexes[line.element]])
+        assert np.allclose(at, line.position, atol=1e-9)
+    half = len(pull.points) // 2
+    right, left = (np.array([line.position for line in side]) for side in (pull.points[:half], pull.points[half:]))
+    assert np.allclose(
+        sorted(map(tuple, right.reshape(half, 6).round(9))), sorted(map(tuple, (left * [1, -1, 1]).reshape(half, 6).round(9)))
+    )
+    assert sum(tension.sum() for tension in pull.tension_N) == pytest.approx(0.8)
+    alone = assembled(tmp_path, WITH_VELUM[: WITH_VELUM.index("[[body]]")] + WITH_VELUM[WITH_VELUM.index("[[muscle]]") :])
+    assert all(line.element[0] < 0 for line in alone.pulls[0].points)
+
+
+def test_a_support_moves_a_patch_of_a_body(tmp_path: Path) -> None:
+    """The patch of the levator is held by springs and not by nodes, and their foundation moves."""
+    model = assembled(tmp_path, WITH_VELUM)
+    levator = model.mesh.node_sets["velum.levator"]
+    assert not model.held[levator].any() and model.held[model.mesh.node_sets["velum.hard-palate"]].all()
+    (tie,) = [tie for tie in model.attachments if tie.name == "velum.levator"]
+    assert (tie.normal_stiffness_Pa_m, tie.stiffness_Pa_m) == (5e6, 4e6)
+    rotation, shift = tie.motion.placement(np.array([0.0, 0.005, 1.0]))
+    assert np.allclose(rotation, np.eye(3)) and np.allclose(shift[:, 2], [0.0, -0.003, -0.006])
+    held = assembled(tmp_path, WITH_VELUM.replace("shift_mm = [0.0, 0.0, -6.0]\n", ""))
+    assert [tie.motion for tie in held.attachments if tie.name == "velum.levator"] == [None]
+
+
+def test_a_built_in_body_is_as_fine_as_the_model(tmp_path: Path) -> None:
+    """Unless it says otherwise."""
+    counts = {name: catalogue.built_in("velum", name).mesh.node_count for name in ("coarse", "medium", "fine")}
+    for resolution in ("coarse", "fine"):
+        model = assembled(tmp_path, WITH_VELUM.replace('"coarse"', f'"{resolution}"'))
+        assert len(model.mesh.node_sets["velum"]) == counts[resolution]
+    own = assembled(tmp_path, WITH_VELUM.replace('model = "velum"', 'model = "velum"\nresolution = "medium"'))
+    assert len(own.mesh.node_sets["velum"]) == counts["medium"]
+
+
+def test_a_motion_begins_at_rest(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="table must begin with a share of 0"):
+        assembled(tmp_path, WITH_VELUM.replace("[[0.0, 0.0], [10.0, 1.0]]", "[[0.0, 0.5], [10.0, 1.0]]"))

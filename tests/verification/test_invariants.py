@@ -30,7 +30,7 @@ from support import (
 
 from explicitfe.fem.elements import hex8
 from explicitfe.fem.materials import kinematics, law_of, volumetric
-from explicitfe.fem.mesh.hexmesh import CORNERS, HexMesh
+from explicitfe.fem.mesh.hexmesh import CORNERS, HexMesh, shape_functions
 from explicitfe.fem.mesh.muscle_lines import Muscle
 from explicitfe.fem.model.model import FibrePull, NodalLoad
 from explicitfe.fem.solve.simulation import Simulation
@@ -637,10 +637,10 @@ def anchors_of(muscle: Muscle, side: str) -> np.ndarray:
 def test_muscles_balance_themselves(name, distribution, direction):
     """A fibre is a chain of segments with opposite forces on their ends: no resultant, no moment about where it lies.
 
-    Fibres that end on a bone outside pull the tongue towards that point: no moment about it, and the resultant is that of
-    T (anchor - first point) / length summed over the fibres. Directions of the reference act at reference positions, those
-    that follow at the current ones, also in a deformed state. Nodal forces are sums of up to 100 segment forces with
-    shape functions as weights: 100 eps F = 2e-14 F, times the tongue's distance from the origin; 1e-12 of F and F |x|.
+    Fibres that end on a bone outside pull the tongue towards that point: resultant and moment are those of
+    T (anchor - first point) / length at the anchors, summed over the fibres. Directions of the reference act at reference
+    positions, those that follow at the current ones, also in a deformed state. Nodal forces are sums of up to 100 segment
+    forces with shape functions as weights: 100 eps F = 2e-14 F, times the distance from the origin; 1e-12 of F and F |x|.
     """
     mesh, muscle = tongue().mesh, tongue().muscles[name]
     rng = np.random.default_rng(10)
@@ -658,16 +658,20 @@ def test_muscles_balance_themselves(name, distribution, direction):
                 assert np.abs(force.sum(axis=0)).max() < 1e-12 * FORCE_N
                 assert np.abs(np.cross(x, force).sum(axis=0)).max() < 1e-12 * FORCE_N * reach
                 continue
-            assert len(anchors) == 1
-            assert np.abs(np.cross(x - anchors[0], force).sum(axis=0)).max() < 1e-12 * FORCE_N * reach
-            assert np.linalg.norm(force.sum(axis=0)) > 0.5 * FORCE_N
-            if direction == "reference" and distribution != "ends":
-                # STY's first segments, in space, carry the fibre's share in both of these distributions.
-                first = np.array([f.points.position[1] for f in muscle.fibres if f.side == side])
-                towards = anchors[0] - first
-                towards /= np.linalg.norm(towards, axis=1)[:, None]
-                wanted = FORCE_N / len(first) * towards.sum(axis=0)
-                assert np.abs(force.sum(axis=0) - wanted).max() < 1e-12 * FORCE_N
+            # The segment in space carries the fibre's share in each of the distributions.
+            fibres = [fibre.points for fibre in muscle.fibres if fibre.side == side]
+            row = -1 if distribution == "ends" else 1
+            partners = np.array([position_in(x, mesh.hexes, points, row) for points in fibres])
+            ends = np.array([points.position[0] for points in fibres])
+            wanted = FORCE_N / len(fibres) * (ends - partners) / np.linalg.norm(ends - partners, axis=1)[:, None]
+            assert np.abs(force.sum(axis=0) - wanted.sum(axis=0)).max() < 1e-12 * FORCE_N
+            moment = np.cross(x, force).sum(axis=0) - np.cross(ends, wanted).sum(axis=0)
+            assert np.abs(moment).max() < 1e-12 * FORCE_N * reach
+
+
+def position_in(x, hexes, points, row):
+    """The position (3,) of a material point where the nodes are at ``x``."""
+    return shape_functions(points.natural[row][None])[0] @ x[hexes[points.element[row]]]
 
 
 @MUSCLES

@@ -169,9 +169,7 @@ def _muscle(name: str, table: Mapping[str, Any], where: str, contour_map: Contou
         raise InputError(f"{where}: scaled_with_section must be true or false, not {scaled!r}.")
     if not table["fibres"]:
         raise InputError(f"{where}: a muscle needs at least one fibre.")
-    anchor = None
-    if "anchor_mm" in table:
-        anchor = 1e-3 * _rows([table["anchor_mm"]], f"{where}: anchor_mm")[0]
+    anchors = _anchors(table["anchor_mm"], len(table["fibres"]), where) if "anchor_mm" in table else None
 
     fibres, mirrored = [], []
     for number, row in enumerate(table["fibres"], start=1):
@@ -188,8 +186,8 @@ def _muscle(name: str, table: Mapping[str, Any], where: str, contour_map: Contou
         halfway = 0.5 * (line[:-1] + line[1:])
         middle = contour_map.locate(halfway, cells)
         tension = over_mean(contour_map.thickness(halfway), points) if scaled else None
-        if anchor is not None:
-            points, middle = _from_anchor(anchor, points), _from_anchor(anchor, middle)
+        if anchors is not None:
+            points, middle = (_from_anchor(anchors[number - 1], one) for one in (points, middle))
             tension = None if tension is None else np.append(1.0, tension)
         fibres.append(Fibre(points, "right", middle.element, tension))
         mirrored.append(Fibre(mirror(points, cells), "left", mirror(middle, cells).element, tension))
@@ -206,6 +204,16 @@ def _positive(value: object, message: str) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float) or not 0.0 < value < np.inf:
         raise InputError(f"{message}, not {value!r}.")
     return float(value)
+
+
+def _anchors(values: object, fibres: int, where: str) -> np.ndarray:
+    """(fibres, 3) m: one anchor for all fibres, or one for each."""
+    if not isinstance(values, list) or not values or not isinstance(values[0], list):
+        values = [values] * fibres
+    rows = _rows(values, f"{where}: anchor_mm")
+    if len(rows) != fibres:
+        raise InputError(f"{where}: anchor_mm has {len(rows)} points for {fibres} fibres; give one for all, or one for each.")
+    return 1e-3 * rows
 
 
 def _rows(values: object, where: str) -> np.ndarray:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence, Set
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -11,12 +11,13 @@ import numpy as np
 from explicitfe.fem.materials import Law
 from explicitfe.fem.mesh.hexmesh import HexMesh, MaterialPoints
 from explicitfe.fem.mesh.joined import join
-from explicitfe.fem.mesh.muscle_lines import Fibre, Muscle
-from explicitfe.fem.model.model import Inclusion
+from explicitfe.fem.mesh.muscle_lines import Fibre, Muscle, points_of_mesh
+from explicitfe.fem.model.model import FibrePull, Inclusion
 from explicitfe.platform.errors import InputError, nearest
 from explicitfe.simulate.anatomy import catalogue
 from explicitfe.simulate.anatomy.anatomy import Anatomy
 from explicitfe.simulate.scenario.bodies import BodyTable, MeshTable
+from explicitfe.simulate.scenario.transient import ModelTable
 
 
 @dataclass(frozen=True)
@@ -28,38 +29,74 @@ class Bodies:
     anatomy : of all of them; that of ``[model]`` has its own names, the others have theirs in front.
     inclusions : the elements of bodies with another material than that of ``[model]``.
     held : (k,) nodes of further bodies that are held.
+    further : the mesh of each further body in its place, with the number of its first element.
     """
 
     anatomy: Anatomy
-    inclusions: tuple[Inclusion, ...]
-    held: np.ndarray
+    inclusions: tuple[Inclusion, ...] = ()
+    held: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+    further: tuple[tuple[HexMesh, int], ...] = ()
+
+    def tie(self, pull: FibrePull) -> FibrePull:
+        """The lines of a muscle, with their ends in space that lie in a further body tied to it.
+
+        So a palatoglossus pulls at a velum that is a body as at one of bone. Lines from one end to points around a fibre's entry
+        lie as far apart in that body as there: a force at a point has no limit under refinement.
+        """
+        ends = np.array([line.position[0] for line in pull.points])
+        entries = np.array([line.position[1] for line in pull.points])
+        lines = list(pull.points)
+        for mesh, first in self.further:
+            _, within = points_of_mesh(mesh, ends)
+            for end in np.unique(ends[within], axis=0):
+                of_end = np.flatnonzero((ends == end).all(axis=1) & [line.element[0] < 0 for line in lines])
+                spread, _ = points_of_mesh(mesh, end + entries[of_end] - entries[of_end].mean(axis=0), np.inf, thorough=True)
+                for row, number in enumerate(of_end):
+                    line = lines[number]
+                    lines[number] = MaterialPoints(
+                        np.append(first + spread.element[row], line.element[1:]),
+                        np.vstack([spread.natural[row], line.natural[1:]]),
+                        np.vstack([spread.position[row], line.position[1:]]),
+                    )
+        return replace(pull, points=tuple(lines))
 
 
 def with_bodies(
-    main: Anatomy, material: Law, tables: Sequence[BodyTable], folder: Path, anatomy_of: Callable[[MeshTable, Path], Anatomy]
+    model: ModelTable,
+    material: Law,
+    tables: Sequence[BodyTable],
+    supported: Set[str],
+    folder: Path,
+    anatomy_of: Callable[[MeshTable, Path], Anatomy],
 ) -> Bodies:
-    """The anatomy of ``[model]`` with further bodies.
+    """The anatomy of ``[model]`` with further bodies; node sets that are ``supported`` by springs are not held.
 
     Raises
     ------
     InputError : a mesh that cannot be read, an unknown node set, a body that nothing holds, or a material of another law.
     """
+    main = anatomy_of(model, folder)
     if not tables:
-        return Bodies(main, (), np.zeros(0, dtype=np.int64))
-    meshes, muscles, held, inclusions = {"": main.mesh}, dict(main.muscles), [], []
+        return Bodies(main)
+    meshes, muscles, inclusions, further = {"": main.mesh}, dict(main.muscles), [], []
+    held: list[np.ndarray] = []
     nodes, elements = main.mesh.node_count, main.mesh.element_count
     for table in tables:
         where = f'body "{table.name}"'
+        if table.built_in is not None and table.resolution is None and table.cells is None:
+            table = table.model_copy(update={"resolution": model.resolution})
         one = anatomy_of(table, folder)
         fixed = one.fixed if table.fixed is None else table.fixed
         for name in fixed:
             if name not in one.mesh.node_sets:
                 raise InputError(f'{where}: fixed: unknown node set "{name}"; {nearest(name, one.mesh.node_sets)}')
-            held.append(nodes + one.mesh.node_sets[name])
-        if not fixed:
+            if f"{table.name}.{name}" not in supported:
+                held.append(nodes + one.mesh.node_sets[name])
+        if not fixed and not any(name.startswith(f"{table.name}.") for name in supported):
             raise InputError(f"{where} is held by nothing; name node sets of it in fixed.")
         shift = 1e-3 * np.array(table.shift_mm)
         meshes[table.name] = _shift_mesh(one.mesh, shift)
+        further.append((meshes[table.name], elements))
         for name, muscle in one.muscles.items():
             muscles[f"{table.name}.{name}"] = _shift_muscle(muscle, f"{table.name}.{name}", elements, shift)
         if table.material is not None:
@@ -69,7 +106,7 @@ def with_bodies(
             inclusions.append(Inclusion(elements + np.arange(one.mesh.element_count), law))
         nodes, elements = nodes + one.mesh.node_count, elements + one.mesh.element_count
     anatomy = Anatomy(main.name, join(meshes), muscles, main.fixed)
-    return Bodies(anatomy, tuple(inclusions), np.unique(np.concatenate(held)))
+    return Bodies(anatomy, tuple(inclusions), np.unique(np.concatenate([*held, np.zeros(0, dtype=np.int64)])), tuple(further))
 
 
 def _shift_mesh(mesh: HexMesh, shift_m: np.ndarray) -> HexMesh:

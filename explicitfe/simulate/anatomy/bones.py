@@ -92,16 +92,13 @@ def jaw_motion(scenario: TransientScenario) -> RigidMotion | None:
         )
         turn_deg = _turn_deg(centre - incisor, 1e-3 * table.opening_mm)
     forward_mm = GLIDE_MM_PER_DEG * turn_deg if table.forward_mm is None else table.forward_mm
-    if table.table:
-        time_ms, course = np.array(table.table, dtype=float).T
-    else:
-        time_ms, course = np.array([table.start_ms, table.start_ms + table.rise_ms]), np.array([0.0, 1.0])
+    time_s, course = table.course
     return RigidMotion(
         centre_m=centre,
         # x points backwards and z up: about +y a chin in front of the axis would rise
         turn_rad=np.radians([0.0, -turn_deg, 0.0]),
         shift_m=1e-3 * np.array([-forward_mm, 0.0, -table.down_mm]),
-        time_s=1e-3 * time_ms,
+        time_s=time_s,
         course=course,
     )
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from explicitfe.fem.bones.motion import RigidMotion
 from explicitfe.fem.mesh.hexmesh import FACES, HexMesh, MaterialPoints, free_faces, shape_functions
 from explicitfe.fem.mesh.muscle_lines import locate_in_mesh
 from explicitfe.fem.mesh.surface_points import points_on_set, surface_within
@@ -157,8 +158,11 @@ def _sizes(corners: np.ndarray) -> np.ndarray:
 def _foundation(table: SupportTable, mesh: HexMesh) -> Attachment:
     """The springs of an elastic support."""
     points, areas = points_on_set(mesh, table.name)
-    along = PA_M_PER_KPA_MM * table.tangential_kPa_per_mm
-    return Attachment(table.name, points, areas, along, normal_stiffness_Pa_m=PA_M_PER_KPA_MM * table.normal_kPa_per_mm)
+    normal, along = PA_M_PER_KPA_MM * table.normal_kPa_per_mm, PA_M_PER_KPA_MM * table.tangential_kPa_per_mm
+    motion = (
+        RigidMotion(np.zeros(3), np.zeros(3), 1e-3 * np.array(table.shift_mm), *table.course) if any(table.shift_mm) else None
+    )
+    return Attachment(table.name, points, areas, along, motion=motion, normal_stiffness_Pa_m=normal)
 
 
 def scale_anatomy(anatomy: Anatomy, factors: Sequence[float]) -> Anatomy:

@@ -88,11 +88,11 @@ def assemble(scenario: TransientScenario, folder: Path) -> Assembly:
     """
     table = scenario.model
     material = catalogue.material(table.material)
-    bodies = with_bodies(anatomy_of(table, folder), material, scenario.body, folder, anatomy_of)
+    supported = {support.name for support in scenario.support}
+    bodies = with_bodies(table, material, scenario.body, supported, folder, anatomy_of)
     anatomy, mesh = bodies.anatomy, bodies.anatomy.mesh
 
     held = np.zeros((mesh.node_count, 3), dtype=bool)
-    supported = {support.name for support in scenario.support}
     fixed = tuple(name for name in (anatomy.fixed if table.fixed is None else table.fixed) if name not in supported)
     for name in fixed:
         if name not in mesh.node_sets:
@@ -120,9 +120,9 @@ def assemble(scenario: TransientScenario, folder: Path) -> Assembly:
                     cut.append((outside, outside := surgery.left_of_lines(outside)))
             stresses.append(stress)
             lines_of_muscles.append(tuple(fibre.points for fibre in muscle.chosen(entry.side, fibres)))
-            pulls += [] if outside is None else [outside]
+            pulls += [] if outside is None else [bodies.tie(outside)]
             continue
-        lines = line_pull(mesh, muscle, entry)
+        lines = bodies.tie(line_pull(mesh, muscle, entry))
         if surgery is not None:
             cut.append((lines, lines := surgery.left_of_lines(lines, muscle.chosen(entry.side, entry.fibres))))
         lines_of_muscles.append(lines.points)

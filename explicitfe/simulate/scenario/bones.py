@@ -6,7 +6,8 @@ from typing import Literal
 
 from pydantic import Field, model_validator
 
-from explicitfe.fem.inputs.table import MOST_ROWS_OF_A_COURSE, Name, Pair, Table, Vector
+from explicitfe.fem.inputs.table import Name, Table, Vector
+from explicitfe.simulate.scenario.profile import MotionTable
 
 
 class BoneTable(Table):
@@ -53,7 +54,7 @@ class BoneTable(Table):
 GLIDE_MM_PER_DEG = 0.5
 
 
-class JawTable(Table):
+class JawTable(MotionTable):
     """How the jaw opens: it turns about the axis through the condyles, and shifts along with it."""
 
     opening_deg: float | None = Field(
@@ -66,11 +67,6 @@ class JawTable(Table):
         default=None, ge=-30.0, le=30.0, description="shift of the condyles; 0.5 mm for each degree of rotation by default"
     )
     down_mm: float = Field(default=0.0, ge=-30.0, le=30.0, description="shift of the condyles")
-    start_ms: float = Field(default=0.0, ge=0.0)
-    rise_ms: float = Field(default=50.0, gt=0.0, description="time that it takes to open [ms]")
-    table: list[Pair] = Field(
-        default=[], max_length=MOST_ROWS_OF_A_COURSE, description="[time_ms, share] pairs instead, linear in between"
-    )
     axis_mm: Vector | None = Field(
         default=None, description="a point of the axis, which runs along y; that of the built-in tongue by default"
     )
@@ -82,15 +78,6 @@ class JawTable(Table):
     def _one_opening(self) -> JawTable:
         if self.opening_deg is not None and self.opening_mm is not None:
             raise ValueError("give either opening_deg or opening_mm, not both")
-        return self
-
-    @model_validator(mode="after")
-    def _table_begins_at_rest(self) -> JawTable:
-        times = [time for time, _ in self.table]
-        if times != sorted(set(times)) or any(time < 0.0 for time in times):
-            raise ValueError("the times of table must increase and not be negative")
-        if self.table and self.table[0][1] != 0.0:
-            raise ValueError("table must begin with a share of 0, because the tongue is at rest at time 0")
         return self
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pydantic import Field, model_validator
 
 from explicitfe.fem.inputs.table import Name, Table, Vector
-from explicitfe.simulate.scenario.profile import ProfileTable
+from explicitfe.simulate.scenario.profile import MotionTable, ProfileTable
 
 
 class LoadTable(ProfileTable):
@@ -50,12 +50,13 @@ class LoadTable(ProfileTable):
         return self.start_ms > 0.0 or self.end_ms is not None or self.profile != "step"
 
 
-class SupportTable(Table):
-    """An elastic foundation that holds a patch of the surface in place of rigidly fixed nodes."""
+class SupportTable(MotionTable):
+    """An elastic foundation that holds a patch of the surface in place of rigidly fixed nodes, and may move it."""
 
-    name: Name = Field(description="node set of the patch")
+    name: Name = Field(description="node set of the patch, such as x0 or, of a further body, velum.levator")
     normal_kPa_per_mm: float = Field(gt=0.0, description="pressure over displacement along the normal of the patch [kPa/mm]")
     tangential_kPa_per_mm: float = Field(gt=0.0, description="shear stress over displacement along the patch [kPa/mm]")
+    shift_mm: Vector = Field(default=(0.0, 0.0, 0.0), description="how far the foundation moves, along x, y and z [mm]")
 
 
 class ReleaseTable(Table):

@@ -1,4 +1,4 @@
-"""The keys that say when a muscle or a load acts."""
+"""The keys that say when a muscle or a load acts, or how far a motion is."""
 
 from __future__ import annotations
 
@@ -40,6 +40,32 @@ class ProfileTable(Table):
         if any(scale < 0.0 for _, scale in self.table):
             raise ValueError("the scales of table must not be negative: a muscle cannot push")
         return self
+
+
+class MotionTable(Table):
+    """A table with a motion that begins at rest: evenly within rise_ms, or along the pairs of table."""
+
+    start_ms: float = Field(default=0.0, ge=0.0, description="time at which the motion begins [ms]")
+    rise_ms: float = Field(default=50.0, gt=0.0, description="time that the motion takes [ms]")
+    table: list[Pair] = Field(
+        default=[], max_length=MOST_ROWS_OF_A_COURSE, description="[time_ms, share] pairs instead, linear in between"
+    )
+
+    @model_validator(mode="after")
+    def _table_begins_at_rest(self) -> MotionTable:
+        times = [time for time, _ in self.table]
+        if times != sorted(set(times)) or any(time < 0.0 for time in times):
+            raise ValueError("the times of table must increase and not be negative")
+        if self.table and self.table[0][1] != 0.0:
+            raise ValueError("table must begin with a share of 0, because the body is at rest at time 0")
+        return self
+
+    @property
+    def course(self) -> tuple[np.ndarray, np.ndarray]:
+        """Times (k,) s and shares (k,) of the motion, linear in between."""
+        pairs = self.table or [(self.start_ms, 0.0), (self.start_ms + self.rise_ms, 1.0)]
+        time_ms, share = np.array(pairs, dtype=float).T
+        return 1e-3 * time_ms, share
 
 
 def profile_of(table: ProfileTable) -> Profile:

@@ -1,4 +1,4 @@
-"""Claims on speech: formants of tubes, directions of single muscles, corners of the vowel triangle."""
+"""Claims on speech: formants of tubes, directions of single muscles, vowels, a closure, and what no tongue goes through."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from explicitfe.app.verify.claim import ClaimFigure, Workshop
 from explicitfe.platform.errors import RunError
 from explicitfe.results.acoustics.formants import Tube, formants
 from explicitfe.results.acoustics.losses import LOSSLESS, SPEED_OF_SOUND_M_S
+from explicitfe.results.files import open_result
 from explicitfe.results.measure.document import Measures
 from explicitfe.results.measure.measure import measure
 
@@ -39,11 +40,14 @@ MUSCLES: dict[str, tuple[str, str, Callable[[Moved], bool]]] = {
     "mh-alone": ("dorsum", "up", lambda m: m[1] > 0.0),
     "sl-alone": ("tip", "up", lambda m: m[1] > 0.0),
     "il-alone": ("tip", "back and down", lambda m: m[0] < 0.0 and m[1] < 0.0),
+    "pg-alone": ("back", "up", lambda m: m[1] > 0.0),
 }
-# F1 and F2 [Hz], means of 33 men (Peterson & Barney 1952).
-SPEAKERS_HZ = {"i": (270.0, 2290.0), "a": (730.0, 1090.0), "u": (300.0, 870.0)}
+# F1 and F2 [Hz], means of 33 men, and of 28 women (Peterson & Barney 1952).
+MEN_HZ = {"i": (270.0, 2290.0), "a": (730.0, 1090.0), "u": (300.0, 870.0)}
+WOMEN_HZ = {"i": (310.0, 2790.0), "a": (850.0, 1220.0), "u": (370.0, 950.0)}
 VOWELS = {"i": "vowel-i-palatal", "a": "vowel-a", "u": "vowel-u"}
 COARSE = "model.resolution=coarse"
+CLOSURE, CLOSED_S = "velar-k-soft", 0.14
 
 
 def tubes(_: Workshop) -> ClaimFigure:
@@ -71,16 +75,54 @@ def muscles(work: Workshop) -> ClaimFigure:
 
 def vowel_triangle(work: Workshop) -> ClaimFigure:
     """Number of pairs of vowels, out of five, whose order in F1 or F2 differs from that of speakers."""
+    ours = _formants_of_vowels(work)
+    orders = [("a", "i", 0), ("a", "u", 0), ("i", "a", 1), ("a", "u", 1), ("i", "u", 1)]
+    return ClaimFigure(_listed(ours), float(sum(ours[high][k] <= ours[low][k] for high, low, k in orders)))
+
+
+def vowel_formants(work: Workshop) -> ClaimFigure:
+    """Largest distance of a formant, as a share of it, from the range between the means of men and of women."""
+    ours = _formants_of_vowels(work)
+    low, high, here = (np.array([table[vowel] for vowel in VOWELS]) for table in (MEN_HZ, WOMEN_HZ, ours))
+    return ClaimFigure(_listed(ours), float(np.maximum(np.maximum(low / here, here / high) - 1.0, 0.0).max()))
+
+
+def closure(work: Workshop) -> ClaimFigure:
+    """Area [mm2] that remains open between tongue and deformable velum in [k]."""
+    result = Path(work.run(CLOSURE)["result"])
+    closed = measure(result, time_s=CLOSED_S).constriction
+    if closed is None:
+        raise RunError(f"{CLOSURE}: no constriction could be measured.")
+    with open_result(result) as opened:
+        pressure_kPa = max(float(opened.field("surface_pressure", time_s=time_s).max()) for time_s in opened.times) / 1e3
+    open_mm2 = min(section.area_mm2 for section in closed.sections if section.area_mm2 is not None)
+    return ClaimFigure(f"{open_mm2:.1f} mm2 remain open, {pressure_kPa:.1f} kPa", open_mm2)
+
+
+def crossings(work: Workshop) -> ClaimFigure:
+    """Depth [mm] of the deepest node in palate, jaw or pharynx, at any time in five vowels."""
+    deepest = {}
+    for scenario in (*VOWELS.values(), "vowel-e", "vowel-o"):
+        with open_result(Path(work.run(scenario, COARSE)["result"])) as opened:
+            for bone in ("palate", "jaw", "pharynx"):
+                depth_mm = 1e3 * float(np.max(opened.history(f"contact_{bone}_depth")))
+                deepest[bone] = max(deepest.get(bone, 0.0), depth_mm)
+    return ClaimFigure(", ".join(f"{bone} {depth_mm:.2f} mm" for bone, depth_mm in deepest.items()), max(deepest.values()))
+
+
+def _formants_of_vowels(work: Workshop) -> dict[str, list[float]]:
+    """F1 and F2 [Hz] of each vowel."""
     ours = {}
     for vowel, scenario in VOWELS.items():
         airway = _measured(work, scenario, with_formants=True).airway
         if airway is None or len(airway.formants) < 2:
             raise RunError(f"{scenario}: no formants could be computed.")
         ours[vowel] = [formant.frequency_hz for formant in airway.formants[:2]]
-    orders = [("a", "i", 0), ("a", "u", 0), ("i", "a", 1), ("a", "u", 1), ("i", "u", 1)]
-    wrong = sum(ours[high][k] <= ours[low][k] for high, low, k in orders)
-    text = ", ".join(f"[{vowel}] {first:.0f} {second:.0f} Hz" for vowel, (first, second) in ours.items())
-    return ClaimFigure(text, float(wrong))
+    return ours
+
+
+def _listed(formants_hz: dict[str, list[float]]) -> str:
+    return ", ".join(f"[{vowel}] {first:.0f} {second:.0f} Hz" for vowel, (first, second) in formants_hz.items())
 
 
 def _measured(work: Workshop, scenario: str, with_formants: bool = False) -> Measures:

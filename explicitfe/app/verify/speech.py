@@ -77,14 +77,14 @@ def vowel_triangle(work: Workshop) -> ClaimFigure:
     """Number of pairs of vowels, out of five, whose order in F1 or F2 differs from that of speakers."""
     ours = _formants_of_vowels(work)
     orders = [("a", "i", 0), ("a", "u", 0), ("i", "a", 1), ("a", "u", 1), ("i", "u", 1)]
-    return ClaimFigure(_listed(ours), float(sum(ours[high][k] <= ours[low][k] for high, low, k in orders)))
+    return ClaimFigure(_text_of(ours), float(sum(ours[high][k] <= ours[low][k] for high, low, k in orders)))
 
 
 def vowel_formants(work: Workshop) -> ClaimFigure:
     """Largest distance of a formant, as a share of it, from the range between the means of men and of women."""
     ours = _formants_of_vowels(work)
     low, high, here = (np.array([table[vowel] for vowel in VOWELS]) for table in (MEN_HZ, WOMEN_HZ, ours))
-    return ClaimFigure(_listed(ours), float(np.maximum(np.maximum(low / here, here / high) - 1.0, 0.0).max()))
+    return ClaimFigure(_text_of(ours), float(np.maximum(np.maximum(low / here, here / high) - 1.0, 0.0).max()))
 
 
 def closure(work: Workshop) -> ClaimFigure:
@@ -101,7 +101,7 @@ def closure(work: Workshop) -> ClaimFigure:
 
 def crossings(work: Workshop) -> ClaimFigure:
     """Depth [mm] of the deepest node in palate, jaw or pharynx, at any time in five vowels."""
-    deepest = {}
+    deepest: dict[str, float] = {}
     for scenario in (*VOWELS.values(), "vowel-e", "vowel-o"):
         with open_result(Path(work.run(scenario, COARSE)["result"])) as opened:
             for bone in ("palate", "jaw", "pharynx"):
@@ -121,7 +121,7 @@ def _formants_of_vowels(work: Workshop) -> dict[str, list[float]]:
     return ours
 
 
-def _listed(formants_hz: dict[str, list[float]]) -> str:
+def _text_of(formants_hz: dict[str, list[float]]) -> str:
     return ", ".join(f"[{vowel}] {first:.0f} {second:.0f} Hz" for vowel, (first, second) in formants_hz.items())
 
 

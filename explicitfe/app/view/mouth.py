@@ -49,8 +49,10 @@ ARCH_DEGREE = 8  # of the polynomials in the angle that give the direction of th
 BESIDE_NODES_SHARE = 1e-3
 # Above this depth the sides of a crown go straight up. Both sides are averaged over so many sections along the arch.
 BAND_MM, AVERAGED_SECTIONS = 1.5, 5
-# A crown stands out from the bone by this much at its edge and at its neck, and between these by up to the bulge more.
-OUT_MM, BULGE_MM = 0.4, 0.3
+# A crown stands out from the bone by this much on the side of the tongue and on that of the lip; there it bulges by so much more half
+# way to its neck. Below the neck, at this share of its length, it goes into the bone.
+INNER_OUT_MM, OUTER_OUT_MM, BULGE_MM = 0.1, 0.4, 0.3
+NECK_SHARE, SINK_MM = 0.9, 8.0
 # Rings of a crown from the middle of its edge to below the gum: share of its length from the edge, and share of the size.
 RING_LENGTHS = (-0.04, -0.04, -0.035, -0.02, 0.02, 0.1, 0.3, 0.55, 0.8, 1.0, 1.1)
 RING_SIZES = (0.0, 0.55, 0.8, 0.93, 0.985, 1.0, 1.0, 0.98, 0.94, 0.88, 0.8)
@@ -157,8 +159,10 @@ def _crown(band: _Band, middle: float, size: tuple[float, float, float], sign: f
         at_depth = [[np.interp(max(share * length, 0.0), band.depth, row) for row in side] for side in (band.inner, band.outer)]
         inner, outer = (np.interp(along, band.along, side) for side in at_depth)
         inner = np.maximum(inner, outer - thickness)
-        more = OUT_MM + BULGE_MM * np.sin(np.pi * np.clip(share, 0.0, 1.0)) - 4.0 * OUT_MM * max(share - 0.9, 0.0) / 0.2
-        from_place = 0.5 * (inner + outer) + (0.5 * (outer - inner) + more) * size_share * out
+        sunk = SINK_MM * max(share - NECK_SHARE, 0.0)
+        inner = inner - INNER_OUT_MM + sunk
+        outer = outer + OUTER_OUT_MM + BULGE_MM * np.sin(np.pi * np.clip(share, 0.0, 1.0)) - sunk
+        from_place = 0.5 * (inner + outer) + 0.5 * (outer - inner) * size_share * out
         columns = [*band.place.T, *band.outwards.T, band.edge]
         x, y, out_x, out_y, edge = (np.interp(along, band.along, column) for column in columns)
         rings.append(np.column_stack([x + from_place * out_x, y + from_place * out_y, edge - sign * share * length]))

@@ -49,8 +49,8 @@ ARCH_DEGREE = 8  # of the polynomials in the angle that give the direction of th
 BESIDE_NODES_SHARE = 1e-3
 # Above this depth the sides of a crown go straight up. Both sides are averaged over so many sections along the arch.
 BAND_MM, AVERAGED_SECTIONS = 1.5, 5
-# A crown stands out from the bone by this much on the side of the tongue and on that of the lip; there it bulges by so much more half
-# way to its neck. Below the neck, at this share of its length, it goes into the bone.
+# A crown stands out from the bone by this much on the side of the tongue and on that of the lip. There it bulges by so much more
+# in the middle of its length. Below its neck, at this share of its length, it goes into the bone.
 INNER_OUT_MM, OUTER_OUT_MM, BULGE_MM = 0.1, 0.4, 0.3
 NECK_SHARE, SINK_MM = 0.9, 8.0
 # Rings of a crown from the middle of its edge to below the gum: share of its length from the edge, and share of the size.

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     import pyvista
 
 # A face is divided in four so often, and less where there would be more faces than this.
-MOST_LEVELS, MOST_FACES = 2, 120_000
+MOST_DIVISIONS, MOST_FACES = 2, 120_000
 # A face in the plane of the cut has its corners there, but for this share of the body.
 IN_CUT_SHARE = 1e-6
 
@@ -49,7 +49,7 @@ class BodySurface:
         in_cut = np.zeros(len(quads), dtype=np.int64)
         if cut_y is not None:
             in_cut[:] = (np.abs(points[quads, Y] - cut_y) < IN_CUT_SHARE * np.ptp(mesh.points)).all(axis=1)
-        levels = max((level for level in range(MOST_LEVELS + 1) if len(quads) * 4**level <= MOST_FACES), default=0)
+        levels = max((level for level in range(MOST_DIVISIONS + 1) if len(quads) * 4**level <= MOST_FACES), default=0)
         smooth = SmoothSurface.of(points, quads, in_cut, levels=levels, round_edges=round_edges)
         matrix = (smooth.matrix @ CarriedPoints.at(mesh, points).matrix(mesh.node_count)).tocsr()
         surface = pyvista.PolyData.from_regular_faces(1e3 * (matrix @ mesh.points), smooth.quads)

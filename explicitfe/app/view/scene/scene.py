@@ -31,8 +31,6 @@ BONES_AROUND_MM = 12.0
 # What stands between the camera and the tongue is transparent.
 NEAR_BONE_OPACITY, NEAR_TEETH_OPACITY = 0.12, 0.25
 LARGEST_HOLE_MM = 100.0  # in a bone, which is closed for display
-# Seen from above, bones end at this share of the body's height, and those that begin above its middle are left out.
-LEVEL_SHARE = 0.75
 GHOST_OPACITY, GHOST_COLOUR = 0.7, "#303030"
 # Length of a dash as a share of the body, and share of a line that dashes cover.
 DASH_LENGTH_SHARE, DASH_SHARE = 0.016, 0.6
@@ -224,9 +222,9 @@ class Scene:
         low, high = self._extent.min(axis=0), self._extent.max(axis=0)
         if self.view.before is None:
             eye = self.view.axes[2]
-            begin = (bone.points @ eye).min()
-            is_over_body = begin > 0.5 * (low + high) @ eye
-            return eye, begin * eye if is_over_body else low + LEVEL_SHARE * (high - low)
+            reach = bone.points @ eye
+            is_before = reach.min() > 0.5 * (low + high) @ eye
+            return eye, (reach.min() if is_before else reach.max() + 1.0) * eye
         normal = np.array(self.view.before)
         return normal, np.array([0.5 * (low[X] + high[X]), self._middle_mm, 0.0])
 

@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 BONES_AROUND_MM = 12.0
 # What stands between the camera and the tongue is transparent.
 NEAR_BONE_OPACITY, NEAR_TEETH_OPACITY = 0.12, 0.25
+CLEAR_OF_BONE_MM = 2.0  # more than crowns stand out from a bone
 LARGEST_HOLE_MM = 100.0  # in a bone, which is closed for display
 GHOST_OPACITY, GHOST_COLOUR = 0.7, "#303030"
 # Length of a dash as a share of the body, and share of a line that dashes cover.
@@ -224,7 +225,7 @@ class Scene:
             eye = self.view.axes[2]
             reach = bone.points @ eye
             is_before = reach.min() > 0.5 * (low + high) @ eye
-            return eye, (reach.min() if is_before else reach.max() + 1.0) * eye
+            return eye, (reach.min() - CLEAR_OF_BONE_MM if is_before else reach.max() + CLEAR_OF_BONE_MM) * eye
         normal = np.array(self.view.before)
         return normal, np.array([0.5 * (low[X] + high[X]), self._middle_mm, 0.0])
 

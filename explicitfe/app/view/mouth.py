@@ -77,11 +77,9 @@ def teeth_of(result: Result) -> dict[str, Teeth]:
 
 
 def drawn_bones(result: Result) -> dict[str, StoredBone]:
-    """The bones at rest as they are drawn: a built-in palate is thinner than the stored one, a built-in pharynx has open ends."""
-    drawn = {"palate": thin_palate, "pharynx": without_ends}
-    return {
-        name: drawn[name](bone) if name in drawn and _is_built_in(result, name) else bone for name, bone in result.bones.items()
-    }
+    """The bones at rest as they are drawn: a built-in palate is thinner than the stored one."""
+    thin = {name: thin_palate(result.bones[name]) for name in ("palate",) if name in result.bones and _is_built_in(result, name)}
+    return {**result.bones, **thin}
 
 
 def thin_palate(bone: StoredBone) -> StoredBone:

@@ -87,6 +87,7 @@ def playback(result: Result, last: int, share: float = 1.0) -> str:
         "bones": [_pack_bone(packed, result, name, bone, steps, plane_m) for name, bone in drawn_bones(result).items()],
         "teeth": [_pack_teeth(packed, name, teeth) for name, teeth in teeth_of(result).items()],
         "smooth_steps": len(smooth.steps),
+        "round": is_mouth(result),
         "points": [_pack_point(packed, result, name, steps) for name in result.mesh.named_points],
         "tool": tool_of(packed, result, steps),
     }

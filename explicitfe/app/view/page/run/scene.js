@@ -158,10 +158,26 @@ const Playback = (() => {
       if (!arrays.cut_share) return "";
       const at = (k) => {
         const a = 3 * arrays.cut_ends[2 * k], b = 3 * arrays.cut_ends[2 * k + 1], share = arrays.cut_share[k];
-        const x = (1 - share) * position[a] + share * position[b], z = (1 - share) * position[a + 2] + share * position[b + 2];
-        return `${x.toFixed(2)} ${(-z).toFixed(2)}`;
+        return [(1 - share) * position[a] + share * position[b], -(1 - share) * position[a + 2] - share * position[b + 2]];
       };
-      return loops.map((loop) => `M${loop.map(at).join("L")}Z`).join("");
+      const words = ([x, y]) => `${x.toFixed(2)} ${y.toFixed(2)}`;
+      return loops.map((loop) => {
+        const points = loop.map(at), n = points.length;
+        if (!this.data.round) return `M${points.map(words).join("L")}Z`;
+        // A smooth curve through the points, as smooth_loop of outline.py.
+        const between = (a, b) => [b[0] - a[0], b[1] - a[1]];
+        const along = points.map((_, k) => {
+          const [x, y] = between(points[(k + n - 1) % n], points[(k + 1) % n]), size = Math.hypot(x, y) || 1;
+          return [x / size, y / size];
+        });
+        const curves = points.map((a, k) => {
+          const next = (k + 1) % n, b = points[next], handle = Math.hypot(...between(a, b)) / 3;
+          const c = [a[0] + handle * along[k][0], a[1] + handle * along[k][1]];
+          const d = [b[0] - handle * along[next][0], b[1] - handle * along[next][1]];
+          return `C${words(c)} ${words(d)} ${words(b)}`;
+        });
+        return `M${words(points[0])}${curves.join("")}Z`;
+      }).join("");
     }
   }
 

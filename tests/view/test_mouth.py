@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,7 +17,7 @@ from explicitfe.app.view.mouth import CROWNS_MM, drawn_bones, teeth_of
 from explicitfe.fem.bones.surface import TriangleSurface, depth_inside
 from explicitfe.fem.bones.tables import read_bones
 from explicitfe.fem.mesh.triangles import surface_triangles
-from explicitfe.results.files import FINISHED, Quantity, open_result
+from explicitfe.results.files import FINISHED, Quantity, StoredBone, open_result
 from explicitfe.simulate.anatomy import catalogue
 
 TURN_DEG, SHIFT_M = -10.0, np.array([-0.001, 0.0, -0.002])
@@ -83,6 +84,18 @@ def test_the_palate_is_thin_and_its_underside_the_stored_one(mouth):
     assert lowered.min() > -1e-12 and 1e3 * lowered.max() == pytest.approx(13.0, abs=0.1)
     underside = np.isclose(lowered, 0.0)
     assert underside.mean() > 0.4
+
+
+@pytest.mark.parametrize("model", ["tongue", "tongue-1"])
+def test_teeth_are_shifted_with_their_bone(model):
+    shift = np.array([0.002, -0.001, 0.003])
+    bones = catalogue.bones(model)
+    assert bones["palate"].without_velum is not None
+    for name, surface in (("palate", bones["palate"].without_velum), ("jaw", bones["jaw"].surface)):
+        stated = {"model": {"airway": {}}, "bones": {name: StoredBone(surface.points, surface.triangles)}}
+        moved = stated | {"bones": {name: StoredBone(surface.points + shift, surface.triangles)}}
+        at_rest, shifted = (teeth_of(SimpleNamespace(**given))[name].points for given in (stated, moved))
+        np.testing.assert_allclose(shifted, at_rest + shift, atol=1e-12)
 
 
 def test_bones_of_a_file_have_no_drawn_teeth(tmp_path):

@@ -12,7 +12,7 @@ import numpy as np
 import scipy
 
 from explicitfe.results.files import Result, StoredBone
-from explicitfe.results.measure.sections import X, Z, cut_surface
+from explicitfe.results.measure.sections import X, Y, Z, cut_surface
 
 # Length of the crown, mesiodistal and labiolingual diameter, mm, from the central incisor to the second molar.
 CROWNS_MM = {
@@ -133,7 +133,9 @@ class _Band(NamedTuple):
 
 def _arch(bone: StoredBone, name: str) -> Teeth:
     """The crowns of one arch: those of the right half, and their mirror images."""
-    band = _band(bone, EDGE_SIGN[name])
+    # A scenario may have shifted the bone to a side.
+    aside = np.array([0.0, 0.5 * (bone.points[:, Y].min() + bone.points[:, Y].max()), 0.0])
+    band = _band(bone.points - aside, bone.triangles, EDGE_SIGN[name])
     crowns, before = [], 0.0
     for length, width, thickness in CROWNS_MM[name]:
         crowns.append(_crown(band, before + 0.5 * width, (length, width, thickness), EDGE_SIGN[name]))
@@ -142,7 +144,7 @@ def _arch(bone: StoredBone, name: str) -> Teeth:
     faces = np.concatenate([_triangles() + number * len(crowns[0]) for number in range(len(crowns))])
     # The rings of an upper crown run the other way round than those of a lower one; a mirror image turns faces inside out.
     faces = faces if name == "jaw" else faces[:, ::-1]
-    points = 1e-3 * np.concatenate([right, right * [1.0, -1.0, 1.0]])
+    points = 1e-3 * np.concatenate([right, right * [1.0, -1.0, 1.0]]) + aside
     return Teeth(points, np.concatenate([faces, faces[:, ::-1] + len(right)]))
 
 
@@ -176,15 +178,15 @@ def _triangles() -> np.ndarray:
     return faces
 
 
-def _band(bone: StoredBone, sign: float) -> _Band:
+def _band(points_m: np.ndarray, triangles: np.ndarray, sign: float) -> _Band:
     """Read the band of a bone, which is symmetric: first where it is, then in sections across it."""
-    points = 1e3 * bone.points
+    points = 1e3 * points_m
     axis = np.array([points[:, X].min() + AXIS_BEHIND_FRONT_MM, 0.0])
     angles = np.radians(np.linspace(0.0, LARGEST_ANGLE_DEG, SECTIONS_OF_ARCH))
     away = np.column_stack([-np.cos(angles), np.sin(angles)])
     places = []
     for direction in away:
-        _, sides = _sides(bone.triangles, points, axis, direction, np.zeros(1), sign)
+        _, sides = _sides(triangles, points, axis, direction, np.zeros(1), sign)
         places.append(axis + sides[1, 0] * direction)
     place = np.array(places)
     # A smooth line through the places and their mirror images gives the directions across the band.
@@ -198,7 +200,7 @@ def _band(bone: StoredBone, sign: float) -> _Band:
     along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(place, axis=0), axis=1))])
     depth = np.linspace(0.0, DEEPEST_READ_MM, DEPTHS_READ)
     edge, both_sides = zip(
-        *(_sides(bone.triangles, points, *section, depth, sign) for section in zip(place, outwards, strict=True)), strict=True
+        *(_sides(triangles, points, *section, depth, sign) for section in zip(place, outwards, strict=True)), strict=True
     )
     sides = scipy.ndimage.uniform_filter1d(np.array(both_sides), AVERAGED_SECTIONS, axis=0, mode="nearest")
     inner, outer = sides.transpose(1, 0, 2)

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from explicitfe.app.view.bones import fill_bones, keep_to_tongue
+from explicitfe.app.view.outline import outline_mm
 from explicitfe.app.view.palette import BONE, BONE_EDGE, COLOURS, CONSTRICTION, GREY, new_figure, plain, save
 from explicitfe.fem.mesh.surface_points import surface_areas
 from explicitfe.fem.mesh.triangles import surface_triangles
@@ -59,7 +60,7 @@ def draw_side(axes: Any, result: Result, step: int, measures: Measures) -> None:
     axes.set_aspect("equal")
     fill_bones(axes, result, step, np.zeros(3), np.array([0.0, 1.0, 0.0]), X, label=None)
     cut = midsagittal(mesh)
-    rest_line, now_line = 1e3 * cut.outline(mesh.points), 1e3 * cut.outline(mesh.points + u)
+    rest_line, now_line = outline_mm(result, cut, mesh.points), outline_mm(result, cut, mesh.points + u)
     axes.plot(rest_line[:, X], rest_line[:, Z], color=GREY, lw=1.5, label="tongue at rest")
     axes.plot(now_line[:, X], now_line[:, Z], color=NOW, lw=2.2, label=f"tongue at {measures.time_ms:.0f} ms")
 

@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from explicitfe.app.view.bones import fill_bones
+from explicitfe.app.view.outline import outline_mm
 from explicitfe.app.view.palette import COLOURS, GREY, new_figure, plain, save
 from explicitfe.results.files import open_result
 from explicitfe.results.measure.airway import airway_table, surroundings
@@ -40,9 +41,9 @@ def main() -> None:
                 around = surroundings(result, step, airway_table(result))
                 fill_bones(side, result, 0, np.array([0.0, around.middle, 0.0]), np.array([0.0, 1.0, 0.0]), X, label=None)
                 side.plot(*(1e3 * around.line.T), color="black", lw=1.2)
-                rest = 1e3 * cut.outline(result.mesh.points)
+                rest = outline_mm(result, cut, result.mesh.points)
                 side.plot(rest[:, X], rest[:, Z], color=GREY, lw=1.2, ls="--", label="at rest")
-            outline = 1e3 * cut.outline(result.mesh.points + result.displacement(step))
+            outline = outline_mm(result, cut, result.mesh.points + result.displacement(step))
             side.plot(outline[:, X], outline[:, Z], color=COLOURS[number], lw=1.8, label=f"[{vowel}]")
             first, second = (formant.frequency_hz for formant in airway_of(result, step).formants[:2])
             chart.plot(second, first, "o", color=COLOURS[number], ms=8)

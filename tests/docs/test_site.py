@@ -80,10 +80,10 @@ def test_a_study_has_a_date_and_a_short_abstract(study):
     assert len(abstract.splitlines()) <= 6
 
 
-def test_the_gallery_has_twelve_pictures_with_their_commands():
+def test_the_gallery_has_thirteen_pictures_with_their_commands():
     text = (ROOT / "docs" / "gallery.md").read_text(encoding="utf-8")
     cards = text.split("\n-   ")[1:]
-    assert len(cards) == 12
+    assert len(cards) == 13
     for card in cards:
         command = re.search(r"^    `(explicitfe|python) ([^ `]+)", card, re.M)
         assert command, card

@@ -29,7 +29,7 @@ class ViewOptions:
         typer.Option(
             "--from",
             metavar="VIEW",
-            help="Viewpoint: midsagittal (cut in half), side, front, top or oblique.",
+            help="Viewpoint: midsagittal (cut in half), side, oblique, top or front.",
             show_default="midsagittal; specimen: oblique",
         ),
     ] = None

@@ -8,6 +8,7 @@ import numpy as np
 
 from explicitfe.app.view.bones import fill_bones, keep_to_tongue
 from explicitfe.app.view.heading import result_figure
+from explicitfe.app.view.outline import outline_mm
 from explicitfe.app.view.palette import COLOURS, CONSTRICTION, plain
 from explicitfe.results.acoustics.formants import flow_ratio
 from explicitfe.results.acoustics.losses import ALL_LOSSES
@@ -63,7 +64,7 @@ def _draw_side(axes: Axes, result: Result, step: int, airway: Airway) -> None:
     axes.set_aspect("equal")
     fill_bones(axes, result, step, np.array([0.0, around.middle, 0.0]), np.array([0.0, 1.0, 0.0]), X, label=None)
     cut = midsagittal(mesh)
-    tongue = 1e3 * cut.outline(mesh.points + result.displacement(step))
+    tongue = outline_mm(result, cut, mesh.points + result.displacement(step))
     axes.plot(tongue[:, X], tongue[:, Z], color=TONGUE_COLOUR, lw=2.0, label="tongue")
     axes.plot(*(1e3 * around.line.T), color="black", lw=1.5, label="palate, velum, wall of the pharynx")
     line = airway_midline(around)

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from explicitfe.app.view.mouth import drawn_bones
 from explicitfe.app.view.palette import BONE, BONE_EDGE, CONSTRICTION
 from explicitfe.results.files import Result, StoredBone
 from explicitfe.results.measure.measure import nearest_of
@@ -38,10 +39,11 @@ def fill_bones(
         drawn.update(filter(None, [text]))
         return new
 
-    for name, bone in result.placed_bones(step).items():
+    for name, at_rest in drawn_bones(result).items():
+        rotation, shift = result.placement(name, step)
+        bone = at_rest._replace(points=at_rest.points @ rotation.T + shift)
         for loop in bone_loops(bone, point_m, normal):
             axes.fill(loop[:, across], loop[:, Z], fc=BONE, ec=BONE_EDGE, lw=1.0, zorder=0.5, label=once(label))
-        at_rest = result.bones[name]
         if np.abs(bone.points - at_rest.points).max(initial=0.0) > SMALLEST_BONE_MOTION_M:
             for loop in bone_loops(at_rest, point_m, normal):
                 closed, text = np.concatenate([loop, loop[:1]]), once(label and "bone at rest")

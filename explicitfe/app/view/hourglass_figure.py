@@ -11,7 +11,7 @@ import numpy as np
 from explicitfe.app.view.heading import result_figure, rounded
 from explicitfe.app.view.hourglass import OUTSIDE_VIEWS, HourglassMap, hourglass_map, outside_view
 from explicitfe.app.view.palette import ENERGY_MAP, WIDTH_IN
-from explicitfe.app.view.scene.scene import hex_grid
+from explicitfe.app.view.scene.body import hex_grid
 from explicitfe.app.view.times import milliseconds
 from explicitfe.results.files import Result
 from explicitfe.results.measure.sections import Y, middle

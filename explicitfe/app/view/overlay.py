@@ -12,6 +12,7 @@ import numpy as np
 from explicitfe.app.view.bones import SMALLEST_BONE_MOTION_M, bone_loops, fill_bones, keep_to_tongue
 from explicitfe.app.view.files import new_files, writing
 from explicitfe.app.view.heading import common_stem, heading_of_several, labels_of
+from explicitfe.app.view.outline import outline_mm
 from explicitfe.app.view.palette import COLOURS, FORMATS, GREY, LINE_STYLES, plain, save
 from explicitfe.app.view.several import check_count, same_kind
 from explicitfe.app.view.times import milliseconds
@@ -132,11 +133,11 @@ def _draw_contours(axes: Axes, results: Sequence[Result], time_s: float, steps: 
     for number, (result, step, label) in enumerate(zip(results, steps, labels, strict=True)):
         colour, style = _line(number)
         cut = midsagittal(result.mesh)
-        at_rest = 1e3 * cut.outline(result.mesh.points)
+        at_rest = outline_mm(result, cut, result.mesh.points)
         if not any(np.array_equal(at_rest, other, equal_nan=True) for other in drawn_at_rest):
             axes.plot(at_rest[:, X], at_rest[:, Z], color=GREY, lw=1.2, label=None if drawn_at_rest else "at rest", zorder=1.5)
             drawn_at_rest.append(at_rest)
-        line = 1e3 * cut.outline(result.mesh.points + result.displacement(step))
+        line = outline_mm(result, cut, result.mesh.points + result.displacement(step))
         axes.plot(line[:, X], line[:, Z], style, color=colour, lw=2.2, label=label, zorder=3 + number)
         shown += [at_rest[:, [X, Z]], line[:, [X, Z]]]
         if number:

@@ -12,6 +12,7 @@ import numpy as np
 from explicitfe.app.view.bones import fill_bones
 from explicitfe.app.view.files import new_files
 from explicitfe.app.view.heading import result_figure
+from explicitfe.app.view.outline import outline_mm
 from explicitfe.app.view.palette import COLOURS, FORMATS, GREY, plain, save
 from explicitfe.platform.errors import InputError, nearest
 from explicitfe.platform.host.extras import require
@@ -105,7 +106,7 @@ def _draw_surroundings(plane: Axes, result: Result, palate: np.ndarray | None) -
     fill_bones(plane, result, 0, middle(result.mesh) * normal, normal, X, "bone of the model")
     cut = midsagittal(result.mesh)
     if cut.loops:
-        outline = MM_PER_M * cut.outline(result.mesh.points)
+        outline = outline_mm(result, cut, result.mesh.points)
         plane.plot(outline[:, X], outline[:, Z], color=GREY, lw=1.2, label="tongue at rest")
     if palate is not None:
         plane.plot(*(MM_PER_M * palate[:, [X, Z]].T), ".", color="black", ms=2, label="recorded palate")

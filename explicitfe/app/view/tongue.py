@@ -12,6 +12,7 @@ import numpy as np
 
 from explicitfe.app.view.bones import fill_bones, keep_to_tongue, mark_constriction
 from explicitfe.app.view.heading import result_figure
+from explicitfe.app.view.outline import outline_mm
 from explicitfe.app.view.palette import GREY, HELD, plain, sequence
 from explicitfe.app.view.times import drawn_steps, milliseconds
 from explicitfe.fem.mesh.hexmesh import HexMesh, MaterialPoints
@@ -106,7 +107,7 @@ def coronal_figure(result: Result, step: int, steps: Sequence[int] | None = None
 
     _side_view(where, "box")
     for points, outline, colour in ((mesh.points, at_rest, GREY), (now, at_end, sequence(1)[0])):
-        line, inside = 1e3 * side.outline(points), 1e3 * outline[middle_points]
+        line, inside = outline_mm(result, side, points), 1e3 * outline[middle_points]
         where.plot(line[:, X], line[:, Z], color=colour, lw=0.8)
         where.plot(inside[:, X], inside[:, Z], color=colour, lw=2.5, solid_capstyle="round")
     where.set_title("place of the section (thick)", fontsize=10)
@@ -149,12 +150,12 @@ def _drawn(result: Result, step: int, steps: Sequence[int] | None) -> list[int]:
 
 def _outlines(axes: Axes, result: Result, steps: Sequence[int], cut: PlaneCut, across: int) -> None:
     """Draw a section at rest and at several steps, the last of them thick; ``across`` is the axis drawn to the right."""
-    reference = 1e3 * cut.outline(result.mesh.points)
+    reference = outline_mm(result, cut, result.mesh.points)
     axes.fill(*_polygon(reference, across, Z), color="0.94", zorder=0)
     axes.plot(reference[:, across], reference[:, Z], color=GREY, lw=2.0, label="at rest")
     labels = milliseconds(result.times[list(steps)], result.times[steps[-1]]) if steps else []
     for number, colour, label in zip(steps, sequence(len(steps)), labels, strict=True):
-        line = 1e3 * cut.outline(result.mesh.points + result.displacement(number))
+        line = outline_mm(result, cut, result.mesh.points + result.displacement(number))
         width = 2.6 if number == steps[-1] else 1.3
         axes.plot(line[:, across], line[:, Z], color=colour, lw=width, label=label)
 
@@ -166,8 +167,8 @@ def _midsagittal_plane(mesh: HexMesh) -> tuple[np.ndarray, np.ndarray]:
 
 def _span(result: Result, steps: Sequence[int], cut: PlaneCut, across: int) -> np.ndarray:
     """All points, (k, 2) mm, of the outlines that are drawn of a section."""
-    outlines = [cut.outline(result.mesh.points + result.displacement(number)) for number in (0, *steps)]
-    return 1e3 * np.concatenate(outlines)[:, [across, Z]]
+    outlines = [outline_mm(result, cut, result.mesh.points + result.displacement(number)) for number in (0, *steps)]
+    return np.concatenate(outlines)[:, [across, Z]]
 
 
 def _side_view(axes: Axes, adjustable: Literal["box", "datalim"] = "datalim") -> None:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
+import scipy
 
 from explicitfe.fem.mesh.hexmesh import HexMesh, MaterialPoints, shape_functions
 
@@ -54,6 +55,11 @@ class CarriedPoints:
     def values(self, field: np.ndarray) -> np.ndarray:
         """A field of the nodes, (n, ...), at the points, (k, ...)."""
         return np.einsum("ka,ka...->k...", self.weights, field[self.nodes])
+
+    def matrix(self, node_count: int) -> scipy.sparse.csr_array:
+        """(k, node_count), which leads from a field of the nodes to :meth:`values`."""
+        begin = np.arange(0, self.nodes.size + 1, self.nodes.shape[1])
+        return scipy.sparse.csr_array((self.weights.ravel(), self.nodes.ravel(), begin), shape=(len(self.nodes), node_count))
 
     def places(self, displacement: np.ndarray) -> np.ndarray:
         """Places of the points, (k, 3) m, for displacements (n, 3) m of the nodes."""

@@ -12,22 +12,26 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from explicitfe.app.view.mouth import drawn_bones, is_mouth, teeth_of, without_ends
 from explicitfe.app.view.muscles import activation, muscles_of
-from explicitfe.app.view.palette import BONE, BONE_EDGE, FIBRE_AT_REST, FIBRE_PULLING
+from explicitfe.app.view.palette import BONE, BONE_EDGE, FIBRE_AT_REST, FIBRE_PULLING, IVORY, MUCOSA, TONGUE
+from explicitfe.app.view.scene.body import BodySurface
 from explicitfe.app.view.scene.carried import CarriedPoints, joined
 from explicitfe.app.view.scene.shown_field import ShownField, shown_field
 from explicitfe.app.view.scene.viewpoint import Viewpoint, aim, viewpoint
 from explicitfe.platform.errors import InputError, shortened
 from explicitfe.results.files import Result, StoredBone
-from explicitfe.results.measure.sections import Y, middle, midsagittal
+from explicitfe.results.measure.sections import X, Y, middle
 
 if TYPE_CHECKING:
     import pyvista
 
 # Bones are shown up to this distance from the body, because the tongue would be tiny in a whole skull.
 BONES_AROUND_MM = 12.0
-# Bone between the camera and the middle of the tongue is transparent.
-NEAR_BONE_OPACITY = 0.12
+# What stands between the camera and the tongue is transparent.
+NEAR_BONE_OPACITY, NEAR_TEETH_OPACITY = 0.12, 0.25
+CLEAR_OF_BONE_MM = 2.0  # more than crowns stand out from a bone
+LARGEST_HOLE_MM = 100.0  # in a bone, which is closed for display
 GHOST_OPACITY, GHOST_COLOUR = 0.7, "#303030"
 # Length of a dash as a share of the body, and share of a line that dashes cover.
 DASH_LENGTH_SHARE, DASH_SHARE = 0.016, 0.6
@@ -35,9 +39,11 @@ DASH_LENGTH_SHARE, DASH_SHARE = 0.016, 0.6
 BEFORE_FACE_SHARE = 0.004
 PARTS = ("bones", "fibres", "rest")  # that a scene may lack
 VIEW_OF_SPECIMEN = "oblique"  # It has no midsagittal plane.
-PLAIN_COLOUR = "#D9827B"
+# Faces of a bone that meet at less than this angle are shaded as one.
+BONE_EDGE_DEG = 50.0
 # Fibres run inside the body; they are drawn in front of everything.
 ON_TOP_UNITS = -66000.0
+ON_SURFACE_UNITS = -60.0
 
 
 @dataclass(frozen=True)
@@ -74,12 +80,12 @@ def look_of(view: str | None, kind: str, field: str, without: Sequence[str]) -> 
 
 
 @dataclass(frozen=True)
-class _Moving:
-    """Geometry that moves with the mesh: its drawn points, and the element of each face."""
+class _Fibres:
+    """The fibres of a muscle, drawn, and the points that the mesh carries."""
 
     drawn: pyvista.PolyData
     points: CarriedPoints
-    element: np.ndarray
+    actor: pyvista.Actor
 
 
 class Scene:
@@ -104,7 +110,8 @@ class Scene:
         reached = [1e3 * (mesh.points + result.displacement(step)) for step in steps]
         self._extent = np.concatenate([[points.min(axis=0), points.max(axis=0)] for points in [1e3 * mesh.points, *reached]])
         self.framed = [1e3 * mesh.points, *reached]
-        self._body = self._body_surface()
+        self._has_mouth = is_mouth(result)
+        self._body = BodySurface(mesh, middle(mesh) if self.view.cut else None, round_edges=self._has_mouth)
         self.body_mapper = self._add_body().mapper
         if look.at_rest:
             self._add_shape_at_rest()
@@ -123,15 +130,9 @@ class Scene:
     def show(self, step: int) -> None:
         """Move everything to its place at a sample."""
         displacement = self.result.displacement(step)
-        body = self._body
-        body.drawn.points = 1e3 * body.points.places(displacement)
+        self._body.move(displacement)
         if self.field is not None:
-            values = self.field.values(self.result, step)
-            if self.field.kind == "point":
-                np.asarray(body.drawn.point_data["shown"])[:] = body.points.values(values)
-            else:
-                np.asarray(body.drawn.cell_data["shown"])[:] = values[body.element]
-            body.drawn.Modified()
+            self._body.paint(self.field, self.result, step)
         for name, actors in self._bones.items():
             rotation, shift = self.result.placement(name, step)
             matrix = np.eye(4)
@@ -139,9 +140,9 @@ class Scene:
             for actor in actors:
                 actor.user_matrix = matrix
         pulls = self.pulls(step)
-        for number, (fibres, actor) in self._fibres.items():
+        for number, fibres in self._fibres.items():
             fibres.drawn.points = 1e3 * fibres.points.places(displacement)
-            actor.prop.color = mixed(FIBRE_AT_REST, FIBRE_PULLING, pulls[number])
+            fibres.actor.prop.color = mixed(FIBRE_AT_REST, FIBRE_PULLING, pulls[number])
 
     def pulls(self, step: int) -> list[float]:
         """Activation of each muscle at a sample, as a share of its force."""
@@ -154,86 +155,105 @@ class Scene:
 
     # ---- inside ----
 
-    def _body_surface(self) -> _Moving:
-        """The surface of the body, or of its half behind the midsagittal plane, cut where the tissue is at rest."""
-        mesh = self.result.mesh
-        grid = hex_grid(mesh.points, mesh.hexes)
-        grid.cell_data["element"] = np.arange(mesh.element_count)
-        if self.view.cut:
-            grid = grid.clip(normal="y", origin=(0.0, middle(mesh), 0.0), invert=False)
-        surface = grid.extract_surface(algorithm="dataset_surface")
-        points, element = np.array(surface.points, dtype=float), np.array(surface.cell_data["element"])
-        surface.clear_data()
-        return _Moving(surface, CarriedPoints.at(mesh, points), element)
-
     def _add_body(self) -> pyvista.Actor:
         body, field = self._body, self.field
-        body.drawn.points = 1e3 * body.points.reference
         add = partial(
             self.plotter.add_mesh,
             body.drawn,
-            show_edges=True,
-            edge_color="#202020",
-            edge_opacity=0.22,
-            ambient=0.35,
-            diffuse=0.7,
+            smooth_shading=True,
+            ambient=0.25,
+            diffuse=0.8,
+            specular=0.15,
+            specular_power=12.0,
             reset_camera=False,
         )
+        if not self._has_mouth:
+            lines = self.plotter.add_mesh(
+                body.lines, color="#202020", opacity=0.3, line_width=1, lighting=False, reset_camera=False
+            )
+            before_faces(lines, ON_SURFACE_UNITS)
         if field is None:
-            return add(color=PLAIN_COLOUR)
-        if field.kind == "point":
-            body.drawn.point_data["shown"] = np.zeros(body.drawn.n_points)
-        else:
-            body.drawn.cell_data["shown"] = np.zeros(body.drawn.n_cells)
+            return add(color=TONGUE)
+        body.drawn.point_data["shown"] = np.zeros(body.drawn.n_points)
         return add(scalars="shown", clim=field.limits, cmap=field.colours, show_scalar_bar=False)
 
     def _add_shape_at_rest(self) -> None:
         """A dashed outline where the body is cut, else its surface, to be looked through."""
-        mesh = self.result.mesh
         if self.view.cut:
-            outline = 1e3 * midsagittal(mesh).outline(mesh.points)
             size = float(np.ptp(self._extent, axis=0).max())
             before = BEFORE_FACE_SHARE * size * self.view.axes[2]
             self.plotter.add_mesh(
-                _segments(dashes(outline, DASH_LENGTH_SHARE * size) + before),
+                _segments(dashes(self._body.outline(), DASH_LENGTH_SHARE * size) + before),
                 color=GHOST_COLOUR,
                 line_width=2,
                 lighting=False,
                 reset_camera=False,
             )
             return
-        surface = hex_grid(1e3 * mesh.points, mesh.hexes).extract_surface(algorithm="dataset_surface")
-        self.plotter.add_silhouette(surface, color=GHOST_COLOUR, line_width=1.5, opacity=GHOST_OPACITY)
+        self.plotter.add_silhouette(self._body.drawn.copy(), color=GHOST_COLOUR, line_width=1.5, opacity=GHOST_OPACITY)
 
     def _add_bones(self) -> dict[str, list[pyvista.Actor]]:
-        """The bones near the body: solid behind it, and what lies before it to be looked through."""
+        """The bones near the body, and teeth: solid behind the plane of the view.
+
+        In front of it teeth are looked through, and bones where no mouth is known; the bones of a mouth are cut away there.
+        """
+        import pyvista
+
+        teeth = teeth_of(self.result)
         actors: dict[str, list[pyvista.Actor]] = {}
-        eye = self.view.axes[2]
-        plane = np.array([0.0, self._middle_mm, 0.0]) if self.view.cut or self.view.axes[2][Y] == -1.0 else self._centre()
-        for name, bone in self.result.bones.items():
-            surface = near_part(bone, self._extent)
+        for name, bone in drawn_bones(self.result).items():
+            # Faces at the ends of the pharynx would hide the tongue.
+            surface = near_part(without_ends(bone) if self._has_mouth and name == "pharynx" else bone, self._extent)
             if surface is None:
                 continue
-            behind = surface.clip(normal=tuple(eye), origin=tuple(plane), invert=True)
-            before = surface.clip(normal=tuple(eye), origin=tuple(plane), invert=False)
-            edge = surface.slice(normal=tuple(eye), origin=tuple(plane))
-            self.framed.append(np.array(behind.points))
-            actors[name] = []
-            if behind.n_points:
-                actors[name].append(self.plotter.add_mesh(behind, color=BONE, reset_camera=False, ambient=0.3, diffuse=0.75))
-            if before.n_points and not self.view.cut:
-                self.framed.append(np.array(before.points))
-                actors[name].append(self.plotter.add_mesh(before, color=BONE, opacity=NEAR_BONE_OPACITY, reset_camera=False))
+            normal, origin = self._plane(surface)
+            before = None if self._has_mouth else NEAR_BONE_OPACITY
+            actors[name] = self._add_part(surface, normal, origin, before, MUCOSA if self._has_mouth else BONE)
+            edge = surface.slice(normal=normal, origin=origin)
             if edge.n_points:
-                actors[name].append(
-                    self.plotter.add_mesh(edge, color=BONE_EDGE, line_width=2, lighting=False, reset_camera=False)
-                )
+                line = self.plotter.add_mesh(edge, color=BONE_EDGE, line_width=2, lighting=False, reset_camera=False)
+                actors[name].append(line)
+            if name in teeth:
+                crowns = pyvista.PolyData.from_regular_faces(1e3 * teeth[name].points, teeth[name].triangles)
+                before = None if self.view.before is None else NEAR_TEETH_OPACITY
+                actors[name] += self._add_part(crowns, normal, origin, before, IVORY, specular=0.3, specular_power=25.0)
         return actors
 
-    def _centre(self) -> np.ndarray:
-        return 0.5 * (self._extent.min(axis=0) + self._extent.max(axis=0))
+    def _plane(self, bone: pyvista.PolyData) -> tuple[np.ndarray, np.ndarray]:
+        """Normal and point of the plane in front of which a bone does not hide the body."""
+        low, high = self._extent.min(axis=0), self._extent.max(axis=0)
+        if self.view.before is None:
+            eye = self.view.axes[2]
+            reach = bone.points @ eye
+            is_before = reach.min() > 0.5 * (low + high) @ eye
+            return eye, (reach.min() - CLEAR_OF_BONE_MM if is_before else reach.max() + CLEAR_OF_BONE_MM) * eye
+        normal = np.array(self.view.before)
+        return normal, np.array([0.5 * (low[X] + high[X]), self._middle_mm, 0.0])
 
-    def _add_fibres(self) -> dict[int, tuple[_Moving, pyvista.Actor]]:
+    def _add_part(
+        self,
+        surface: pyvista.PolyData,
+        normal: np.ndarray,
+        origin: np.ndarray,
+        before_opacity: float | None,
+        colour: str,
+        **shine: float,
+    ) -> list[pyvista.Actor]:
+        """A surface around the body, solid behind a plane; None for nothing in front of it."""
+        behind, actors = cut_off(surface, normal, origin), []
+        add = partial(self.plotter.add_mesh, color=colour, reset_camera=False, smooth_shading=True, split_sharp_edges=True)
+        add = partial(add, feature_angle=BONE_EDGE_DEG, ambient=0.5, diffuse=0.55, **shine)
+        if behind.n_points:
+            self.framed.append(np.array(behind.points))
+            actors.append(add(behind))
+        if before_opacity is not None and not self.view.cut:
+            before = surface.clip(normal=normal, origin=origin, invert=False)
+            if before.n_points:
+                self.framed.append(np.array(before.points))
+                actors.append(add(before, opacity=before_opacity))
+        return actors
+
+    def _add_fibres(self) -> dict[int, _Fibres]:
         """The fibres of each muscle, in a cut view those of the half that is shown; muscle's number -> lines and their actor."""
         mesh, drawn = self.result.mesh, {}
         for number, lines in enumerate(self.result.fibres):
@@ -243,9 +263,8 @@ class Scene:
             points = joined([CarriedPoints.of(mesh, line) for line in shown])
             polyline = _polylines(1e3 * points.reference, [len(line) for line in shown])
             actor = self.plotter.add_mesh(polyline, color=FIBRE_AT_REST, line_width=3, lighting=False, reset_camera=False)
-            actor.mapper.SetResolveCoincidentTopologyToPolygonOffset()
-            actor.mapper.SetRelativeCoincidentTopologyLineOffsetParameters(0.0, ON_TOP_UNITS)
-            drawn[number] = _Moving(polyline, points, np.zeros(0, dtype=np.int64)), actor
+            before_faces(actor, ON_TOP_UNITS)
+            drawn[number] = _Fibres(polyline, points, actor)
         return drawn
 
 
@@ -266,11 +285,10 @@ def mixed(at_none: str, at_all: str, share: float) -> tuple[float, float, float]
     return red, green, blue
 
 
-def hex_grid(points: np.ndarray, hexes: np.ndarray) -> pyvista.UnstructuredGrid:
-    """Hexes as pyvista takes them."""
-    import pyvista
-
-    return pyvista.UnstructuredGrid({pyvista.CellType.HEXAHEDRON: hexes}, points)
+def before_faces(lines: pyvista.Actor, units: float) -> None:
+    """Draw lines before the faces that they lie in."""
+    lines.mapper.SetResolveCoincidentTopologyToPolygonOffset()
+    lines.mapper.SetRelativeCoincidentTopologyLineOffsetParameters(0.0, units)
 
 
 def near_part(bone: StoredBone, extent: np.ndarray) -> pyvista.PolyData | None:
@@ -279,10 +297,20 @@ def near_part(bone: StoredBone, extent: np.ndarray) -> pyvista.PolyData | None:
 
     low, high = extent.min(axis=0) - BONES_AROUND_MM, extent.max(axis=0) + BONES_AROUND_MM
     surface = pyvista.PolyData.from_regular_faces(1e3 * bone.points, bone.triangles)
-    if np.any((surface.points < low) | (surface.points > high)):
-        box = np.column_stack([low, high]).ravel()
-        surface = surface.clip_box(box, invert=False).extract_surface(algorithm="dataset_surface")
+    if surface.n_open_edges:
+        surface = surface.fill_holes(LARGEST_HOLE_MM).clean().compute_normals(auto_orient_normals=True)
+        surface.clear_data()
+    for normal, origin in [*((-axis, low) for axis in np.eye(3)), *((axis, high) for axis in np.eye(3))]:
+        if surface.n_points and np.any((surface.points - origin) @ normal > 0.0):
+            surface = cut_off(surface, normal, origin)
     return surface if surface.n_points else None
+
+
+def cut_off(surface: pyvista.PolyData, normal: np.ndarray, origin: np.ndarray) -> pyvista.PolyData:
+    """What lies behind a plane, seen against its normal; the cut of a closed surface is closed by a face."""
+    if surface.n_points and surface.is_manifold:
+        return surface.clip_closed_surface(normal=-normal, origin=origin)
+    return surface.clip(normal=normal, origin=origin, invert=True)
 
 
 def dashes(outline: np.ndarray, length: float) -> np.ndarray:

@@ -29,8 +29,8 @@ FREE_MARGINS = (0.13, 0.15, 0.03)
 TITLE_CHARACTERS, LINE_CHARACTERS = 74, 100
 MOST_MUSCLES_NAMED = 8
 # An axis is seen from its end where the cosine between it and the view is above this; how far along an arrow its name stands.
-NEARLY_ALONG, LABEL_PLACE = 0.95, 1.2
-ARROWS_ZOOM = 0.72  # leaves room to their names
+NEARLY_ALONG, LABEL_PLACE = 0.95, 2.1
+ARROWS_ZOOM = 0.5  # leaves room to their names
 VTK_FONT_FILE = 4  # VTK's number for letters of a file
 # The words of a muscle that does not pull are darker than its fibres: letters are thin.
 WORDS_AT_REST = "#737373"
@@ -169,6 +169,7 @@ class Stage:
             if isinstance(part, pyvista.Label):
                 part.prop.set_font_file(font_file())
                 part.prop.italic = part.prop.bold = part.prop.shadow = False
+                part.prop.justification_horizontal = part.prop.justification_vertical = "center"
         widget = self.plotter.add_orientation_widget(arrows, interactive=False, viewport=(0.82, 0.0, 1.0, 0.225))
         widget.SetZoom(ARROWS_ZOOM)
 

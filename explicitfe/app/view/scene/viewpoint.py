@@ -23,12 +23,15 @@ class Viewpoint:
     towards_eye : (3,) direction from the body to the eye; x points backwards, y to the speaker's right, z up.
     up : (3,) what is above in the picture.
     cut : whether the half of the body before the midsagittal plane is cut away.
+    before : (3,) normal of the plane that cuts bones, which do not hide the body in front of it; None: bones that lie
+        before the body are left out.
     """
 
     words: str
     towards_eye: tuple[float, float, float]
     up: tuple[float, float, float] = (0.0, 0.0, 1.0)
     cut: bool = False
+    before: tuple[float, float, float] | None = (0.0, -1.0, 0.0)
 
     @property
     def axes(self) -> np.ndarray:
@@ -42,8 +45,8 @@ class Viewpoint:
 VIEWPOINTS = {
     "midsagittal": Viewpoint("cut at the midsagittal plane, front at the left", (0.0, -1.0, 0.0), cut=True),
     "side": Viewpoint("from the left", (0.0, -1.0, 0.0)),
-    "front": Viewpoint("from the front", (-1.0, 0.0, 0.0)),
-    "top": Viewpoint("from above, front at the left", (0.0, 0.0, 1.0), up=(0.0, 1.0, 0.0)),
+    "front": Viewpoint("from the front", (-1.0, 0.0, 0.0), before=(-1.0, 0.0, 0.0)),
+    "top": Viewpoint("from above, front at the left", (0.0, 0.0, 1.0), up=(0.0, 1.0, 0.0), before=None),
     "oblique": Viewpoint("from the front and the left", (-1.0, -0.75, 0.45)),
 }
 

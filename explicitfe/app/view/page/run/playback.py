@@ -10,11 +10,13 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from explicitfe.app.view.mouth import Teeth, drawn_bones, is_mouth, teeth_of
 from explicitfe.app.view.page.run.packed import Packed
 from explicitfe.app.view.page.run.tool import tool_of
+from explicitfe.app.view.smooth import SmoothSurface
 from explicitfe.fem.mesh.hexmesh import FACES, HexMesh, free_faces
 from explicitfe.results.documents.run_summary import kind_of
-from explicitfe.results.files import Result
+from explicitfe.results.files import Result, StoredBone
 from explicitfe.results.measure.sections import PlaneCut, Y, cut_surface, middle, section
 
 # A page plays at most so many frames of a run, and fewer of a large mesh, so that all results together have this size unpacked.
@@ -50,11 +52,24 @@ def playback(result: Result, last: int, share: float = 1.0) -> str:
     changes = np.diff(whole, axis=0, prepend=np.zeros_like(whole[:1]))
     packed.add("times", np.arange(len(steps)) if is_loaded else 1e3 * result.times[steps], "<f4")
     packed.add("points", 1e3 * mesh.points[nodes], "<f4")
+    quads, part = np.concatenate([*faces.values()]), np.repeat(np.arange(len(faces)), [len(each) for each in faces.values()])
+    names = list(faces)
+    smooth = SmoothSurface.of(
+        mesh.points[nodes], quads, (part == names.index("cut")).astype(int), levels=1, round_edges=is_mouth(result)
+    )
     # Coordinate by coordinate, each over all nodes: neighbours are alike, which packs well. What wraps around here does so there.
     packed.add("moved", changes.transpose(0, 2, 1), "<i2")
-    for name, quads in faces.items():
-        packed.add(f"faces_{name}", _triangles(quads), "<u4")
-    packed.add("edges", _edges(np.concatenate([faces["left"], faces["right"]])), "<u4")
+    for number, name in enumerate(names):
+        packed.add(f"faces_{name}", _triangles(smooth.quads[part[smooth.face] == number]), "<u4")
+    on_skin = np.isin(smooth.lines, smooth.quads[smooth.group == 0]).all(axis=1)
+    packed.add("edges", smooth.lines[on_skin], "<u4")
+    for number, matrix in enumerate(smooth.steps):
+        for key, values, kind in (
+            ("begin", matrix.indptr, "<u4"),
+            ("column", matrix.indices, "<u4"),
+            ("weight", matrix.data, "<f4"),
+        ):
+            packed.add(f"smooth_{key}_{number}", values, kind)
     named = [_pack_field(packed, result, name, steps, nodes) for name in fields]
     cut = section(mesh, Y, plane_m)
     if len(cut.ends):
@@ -69,7 +84,10 @@ def playback(result: Result, last: int, share: float = 1.0) -> str:
         "smooth": not is_loaded,
         "loops": [loop.tolist() for loop in cut.loops],
         "fields": [entry for entry in named if entry is not None],
-        "bones": [_pack_bone(packed, result, name, steps, plane_m) for name in result.bones],
+        "bones": [_pack_bone(packed, result, name, bone, steps, plane_m) for name, bone in drawn_bones(result).items()],
+        "teeth": [_pack_teeth(packed, name, teeth) for name, teeth in teeth_of(result).items()],
+        "smooth_steps": len(smooth.steps),
+        "round": is_mouth(result),
         "points": [_pack_point(packed, result, name, steps) for name in result.mesh.named_points],
         "tool": tool_of(packed, result, steps),
     }
@@ -121,12 +139,6 @@ def _triangles(quads: np.ndarray) -> np.ndarray:
     distinct = (pairs[:, 0] != pairs[:, 1]) & (pairs[:, 1] != pairs[:, 2]) & (pairs[:, 2] != pairs[:, 0])
     triangles: np.ndarray = pairs[distinct]
     return triangles
-
-
-def _edges(quads: np.ndarray) -> np.ndarray:
-    pairs = np.sort(np.stack([quads, np.roll(quads, -1, axis=1)], axis=-1).reshape(-1, 2), axis=1)
-    edges: np.ndarray = np.unique(pairs[pairs[:, 0] != pairs[:, 1]], axis=0)
-    return edges
 
 
 def _scalar_fields(result: Result) -> list[str]:
@@ -183,9 +195,10 @@ def _outline_box(cut: PlaneCut, mesh: HexMesh, moved_mm: np.ndarray, nodes: np.n
     return box
 
 
-def _pack_bone(packed: Packed, result: Result, name: str, steps: np.ndarray, plane_m: float) -> dict[str, object]:
+def _pack_bone(
+    packed: Packed, result: Result, name: str, bone: StoredBone, steps: np.ndarray, plane_m: float
+) -> dict[str, object]:
     """Add a bone: its surface at rest, where it is in each frame if it moves, and its midsagittal section at rest."""
-    bone = result.bones[name]
     packed.add(f"bone_{name}_points", 1e3 * bone.points, "<f4")
     packed.add(f"bone_{name}_triangles", bone.triangles, "<u4")
     moves = f"bone_{name}_placement" in result.history_names
@@ -194,6 +207,13 @@ def _pack_bone(packed: Packed, result: Result, name: str, steps: np.ndarray, pla
         packed.add(f"bone_{name}_placement", np.array(placements), "<f4")
     cut = cut_surface(bone.triangles, bone.points[:, Y] - plane_m)
     return {"name": name, "moves": moves, "outlines": list(_outlines(cut, 1e3 * bone.points))}
+
+
+def _pack_teeth(packed: Packed, bone: str, teeth: Teeth) -> str:
+    """Add the teeth of a bone, which move with it."""
+    packed.add(f"teeth_{bone}_points", 1e3 * teeth.points, "<f4")
+    packed.add(f"teeth_{bone}_triangles", teeth.triangles, "<u4")
+    return bone
 
 
 def _outlines(cut: PlaneCut, points: np.ndarray) -> Iterator[list[list[float]]]:

@@ -46,6 +46,10 @@ const Playback = (() => {
       const { arrays } = data;
       this.nodes = arrays.points.length / 3;
       this.position = new Float32Array(arrays.points);
+      // What is drawn is a smooth surface, whose points are linear in the nodes.
+      this.smooth = Array.from({ length: data.smooth_steps }, (_, k) => ["begin", "column", "weight"].map((name) => arrays[`smooth_${name}_${k}`]));
+      this.drawn = this.spread(this.position, 3);
+      this.drawnAtRest = this.drawn.slice();
       this.moved = new Float32Array(3 * this.nodes);
       // What the colours of each field span; a page with several results gives them all the same.
       this.spans = { displacement: [0, this.largestDisplacement()] };
@@ -68,6 +72,21 @@ const Playback = (() => {
         }
       }
       this.frame = frame;
+      this.drawn.set(this.spread(this.position, 3));
+    }
+
+    // From values of the nodes, so many each, to those of the drawn points.
+    spread(values, size) {
+      for (const [begin, column, weight] of this.smooth) {
+        const next = new Float32Array(size * (begin.length - 1));
+        for (let row = 0; row + 1 < begin.length; row++) {
+          for (let k = begin[row]; k < begin[row + 1]; k++) {
+            for (let c = 0; c < size; c++) next[size * row + c] += weight[k] * values[size * column[k] + c];
+          }
+        }
+        values = next;
+      }
+      return values;
     }
 
     largestDisplacement() {
@@ -82,26 +101,31 @@ const Playback = (() => {
       return rounding_mm * largest;
     }
 
-    // Fills colours of the nodes by a field; "displacement" is in the frames themselves.
+    // Fills colours of the drawn points by a field.
     paint(colours, name) {
-      const n = this.nodes, [lowest, highest] = this.spans[name];
+      this.spread(this.shares(name), 1).forEach((share, k) => {
+        const entry = 3 * Math.round(255 * Math.min(Math.max(share, 0), 1));
+        colours.set(LOOKUP.subarray(entry, entry + 3), 3 * k);
+      });
+    }
+
+    // Where the nodes stand between the ends of a field; "displacement" is in the frames themselves.
+    shares(name) {
+      const n = this.nodes, shares = new Float32Array(n), [lowest, highest] = this.spans[name];
       if (name === "displacement") {
         for (let k = 0; k < n; k++) {
-          const u = Math.hypot(this.moved[3 * k], this.moved[3 * k + 1], this.moved[3 * k + 2]);
-          const entry = 3 * Math.round(255 * Math.min(1, u / (highest || 1)));
-          colours.set(LOOKUP.subarray(entry, entry + 3), 3 * k);
+          shares[k] = Math.hypot(this.moved[3 * k], this.moved[3 * k + 1], this.moved[3 * k + 2]) / (highest || 1);
         }
-        return;
+        return shares;
       }
       const values = this.data.arrays[`field_${name}`], frames = this.data.frames;
       const before = Math.min(Math.floor(this.frame), frames - 1), after = Math.min(before + 1, frames - 1);
       const share = this.frame - before, own = this.data.fields.find((field) => field.name === name);
-      const factor = (own.high - own.low) / (highest - lowest), offset = (255 * (own.low - lowest)) / (highest - lowest);
+      const factor = (own.high - own.low) / (255 * (highest - lowest)), offset = (own.low - lowest) / (highest - lowest);
       for (let k = 0; k < n; k++) {
-        const stored = (1 - share) * values[before * n + k] + share * values[after * n + k];
-        const entry = 3 * Math.round(offset + factor * stored);
-        colours.set(LOOKUP.subarray(entry, entry + 3), 3 * k);
+        shares[k] = offset + factor * ((1 - share) * values[before * n + k] + share * values[after * n + k]);
       }
+      return shares;
     }
 
     // Rotation and shift of a bone at the present frame, as a matrix.
@@ -134,10 +158,26 @@ const Playback = (() => {
       if (!arrays.cut_share) return "";
       const at = (k) => {
         const a = 3 * arrays.cut_ends[2 * k], b = 3 * arrays.cut_ends[2 * k + 1], share = arrays.cut_share[k];
-        const x = (1 - share) * position[a] + share * position[b], z = (1 - share) * position[a + 2] + share * position[b + 2];
-        return `${x.toFixed(2)} ${(-z).toFixed(2)}`;
+        return [(1 - share) * position[a] + share * position[b], -(1 - share) * position[a + 2] - share * position[b + 2]];
       };
-      return loops.map((loop) => `M${loop.map(at).join("L")}Z`).join("");
+      const words = ([x, y]) => `${x.toFixed(2)} ${y.toFixed(2)}`;
+      return loops.map((loop) => {
+        const points = loop.map(at), n = points.length;
+        if (!this.data.round) return `M${points.map(words).join("L")}Z`;
+        // A smooth curve through the points, as smooth_loop of outline.py.
+        const between = (a, b) => [b[0] - a[0], b[1] - a[1]];
+        const along = points.map((_, k) => {
+          const [x, y] = between(points[(k + n - 1) % n], points[(k + 1) % n]), size = Math.hypot(x, y) || 1;
+          return [x / size, y / size];
+        });
+        const curves = points.map((a, k) => {
+          const next = (k + 1) % n, b = points[next], handle = Math.hypot(...between(a, b)) / 3;
+          const c = [a[0] + handle * along[k][0], a[1] + handle * along[k][1]];
+          const d = [b[0] - handle * along[next][0], b[1] - handle * along[next][1]];
+          return `C${words(c)} ${words(d)} ${words(b)}`;
+        });
+        return `M${words(points[0])}${curves.join("")}Z`;
+      }).join("");
     }
   }
 
@@ -172,8 +212,8 @@ const Playback = (() => {
 
     addBody() {
       const { arrays, smooth } = this.body.data;
-      const position = new THREE.BufferAttribute(this.body.position, 3);
-      this.colours = new THREE.BufferAttribute(new Float32Array(3 * this.body.nodes), 3);
+      const position = new THREE.BufferAttribute(this.body.drawn, 3);
+      this.colours = new THREE.BufferAttribute(new Float32Array(this.body.drawn.length), 3);
       this.material = new THREE.MeshLambertMaterial({ vertexColors: true, side: THREE.DoubleSide, flatShading: !smooth });
       this.material.polygonOffset = true;
       this.material.polygonOffsetFactor = this.material.polygonOffsetUnits = 1;
@@ -202,17 +242,17 @@ const Playback = (() => {
       this.lines.frustumCulled = false;
       const rest = new THREE.BufferGeometry();
       rest.setIndex(new THREE.BufferAttribute(arrays.edges, 1));
-      rest.setAttribute("position", new THREE.BufferAttribute(arrays.points, 3));
+      rest.setAttribute("position", new THREE.BufferAttribute(this.body.drawnAtRest, 3));
       this.rest = new THREE.LineSegments(rest, new THREE.LineBasicMaterial({ transparent: true, opacity: 0.3 }));
       this.scene.add(this.lines, this.rest);
     }
 
-    addSurface(points, triangles, colour, opacity) {
+    addSurface(points, triangles, colour, opacity, hidesItself = false) {
       const geometry = new THREE.BufferGeometry();
       geometry.setIndex(new THREE.BufferAttribute(triangles, 1));
       geometry.setAttribute("position", new THREE.BufferAttribute(points, 3));
       geometry.computeVertexNormals();
-      const material = new THREE.MeshLambertMaterial({ color: colour, transparent: true, opacity, depthWrite: false });
+      const material = new THREE.MeshLambertMaterial({ color: colour, transparent: true, opacity, depthWrite: hidesItself });
       const mesh = new THREE.Mesh(geometry, material);
       mesh.matrixAutoUpdate = false;
       mesh.renderOrder = 1;
@@ -221,11 +261,15 @@ const Playback = (() => {
     }
 
     addBones() {
-      const { arrays, bones, tool } = this.body.data;
+      const { arrays, bones, teeth, tool } = this.body.data;
       this.bones = bones.map((bone) => [
         bone,
         this.addSurface(arrays[`bone_${bone.name}_points`], arrays[`bone_${bone.name}_triangles`], "#e3d3ae", 0.28),
       ]);
+      for (const name of teeth) {
+        const crowns = this.addSurface(arrays[`teeth_${name}_points`], arrays[`teeth_${name}_triangles`], "#f7f3e4", 0.6, true);
+        this.bones.push([bones.find((bone) => bone.name === name), crowns]);
+      }
       this.tool = tool && this.addSurface(arrays.tool_points, arrays.tool_triangles, "#8a8f98", 0.45);
     }
 
@@ -300,7 +344,7 @@ const Playback = (() => {
     colourBy(name) {
       this.field = name;
       this.material.vertexColors = name !== "";
-      this.material.color.set(name ? "#ffffff" : "#c98a84");
+      this.material.color.set(name ? "#ffffff" : "#c8706a");
       this.material.needsUpdate = true;
     }
 

@@ -160,4 +160,10 @@ def _package_digest() -> bytes:
 
 def _file_bytes(path: str) -> bytes:
     file = Path(path)
-    return hashlib.sha256(file.read_bytes()).digest() if file.suffix == ".py" and file.is_file() else b""
+    return _digest_of_file(file, file.stat().st_mtime_ns) if file.suffix == ".py" and file.is_file() else b""
+
+
+@cache
+def _digest_of_file(file: Path, written_ns: int) -> bytes:
+    """Of a source as it is since that time: the same files stand behind most kernels."""
+    return hashlib.sha256(file.read_bytes()).digest()

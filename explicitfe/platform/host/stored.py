@@ -26,7 +26,8 @@ from explicitfe.platform.host.kept import content_key
 Parameters = ParamSpec("Parameters")
 Answer = TypeVar("Answer")
 
-MOST_STORED_BYTES = 300e6  # the answers that were used last
+# The answers that were used last.
+MOST_STORED_BYTES, MOST_STORED = 300e6, 500
 DIGEST_BYTES = 32
 _SUFFIX = ".stored"
 _PACKAGE = Path(__file__).resolve().parents[2]
@@ -154,9 +155,10 @@ def _write(key: str, content: bytes) -> None:
             file.write(_digest(content))
         path.replace(folder / (key + _SUFFIX))
         room = MOST_STORED_BYTES
-        for answer in sorted(folder.glob("*" + _SUFFIX), key=lambda answer: answer.stat().st_mtime, reverse=True):
+        answers = sorted(folder.glob("*" + _SUFFIX), key=lambda answer: answer.stat().st_mtime, reverse=True)
+        for count, answer in enumerate(answers):
             room -= answer.stat().st_size
-            if room < 0.0:
+            if room < 0.0 or count >= MOST_STORED:
                 answer.unlink()
 
 

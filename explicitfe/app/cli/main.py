@@ -10,7 +10,7 @@ import sys
 from explicitfe.platform.host import standard_streams, stopping
 
 STDERR_DESCRIPTOR = 2  # the file descriptor
-# New objects after which Python looks for garbage. Imports make many that stay: looking as often as usual took a tenth of a start.
+# New objects after which Python looks for garbage: imports make many that stay, and looking as usual took a tenth of a start.
 OBJECTS_BETWEEN_COLLECTIONS = 100_000
 
 

@@ -80,7 +80,7 @@ _BATCH_POINTS = 1000
 # So many fields are kept for the next run of this process: those of all muscles of the tongue on two meshes.
 _KEPT_MUSCLE_FIELDS = 24
 # Where the code of the fields stands.
-_SOURCES = ("fem/mesh", "fem/model/fibre_stress.py")
+_CODE_OF_FIELDS = ("fem/mesh", "fem/model/fibre_stress.py")
 
 Side = Literal["both", "left", "right"]
 
@@ -139,7 +139,7 @@ class _TissueField:
 
 
 @kept(_KEPT_MUSCLE_FIELDS)
-@store_answers(_TissueField, sources=_SOURCES)
+@store_answers(_TissueField, sources=_CODE_OF_FIELDS)
 def _tissue_field(mesh: HexMesh, muscle: Muscle, side: Side, fibres: tuple[int, ...] | None, width_mm: float) -> _TissueField:
     """The field of ``fibre_stress``."""
     integral = np.zeros((mesh.element_count, 9))  # of A over each element, for a force of 1 N
@@ -182,7 +182,7 @@ def outside_pull(
 
 
 @kept(_KEPT_MUSCLE_FIELDS)
-@store_answers(MaterialPoints, sources=_SOURCES)
+@store_answers(MaterialPoints, sources=_CODE_OF_FIELDS)
 def _lines_outside(mesh: HexMesh, fibres: tuple[Fibre, ...]) -> tuple[MaterialPoints, ...]:
     return tuple(line for fibre in fibres for line in _outside_lines(mesh, fibre))
 

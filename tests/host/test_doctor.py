@@ -12,6 +12,7 @@ from command import command
 
 from explicitfe.app.tools import doctor
 from explicitfe.app.view import opengl
+from explicitfe.platform.host import code_cache
 from explicitfe.results.documents.examination import Finding
 
 
@@ -45,7 +46,8 @@ def test_a_busy_machine_is_noticed(renders: None, monkeypatch: pytest.MonkeyPatc
 def test_what_is_missing_is_said_with_what_to_do(renders: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(doctor, "has_extra", lambda extra: False)
     monkeypatch.setattr(doctor, "available_bytes", lambda: 1e9)
-    monkeypatch.setattr(doctor, "_can_write", lambda folder: False)
+    for module in (doctor, code_cache):
+        monkeypatch.setattr(module, "can_write", lambda folder: False)
     monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
     findings = named(tmp_path)
     assert 'pip install "explicitfe[view]"' in findings["[view]"]["advice"]

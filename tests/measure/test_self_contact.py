@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from support import block_mesh, deformed, mesh_of
 
+from explicitfe.fem.mesh import self_contact
 from explicitfe.fem.mesh.box import box
 from explicitfe.fem.mesh.hexmesh import HexMesh
 from explicitfe.fem.mesh.self_contact import self_penetration
@@ -90,3 +91,17 @@ def test_it_is_found_in_any_direction():
         assert self_penetration(both, u).count > 0
         u[mesh.node_count :] *= 20.0  # further than the diagonal of the block: apart
         assert self_penetration(both, u).count == 0
+
+
+def test_pairs_of_boxes_and_points_are_complete():
+    """Boxes of many sizes: the cells give the pairs that trying each box with each point gives."""
+    random = np.random.default_rng(3)
+    mesh = box((4, 5, 6), (0.04, 0.05, 0.06))
+    x = mesh.points + random.normal(scale=5e-3, size=mesh.points.shape)
+    x[mesh.hexes[0]] *= 20.0  # a large element among small ones
+    points = np.concatenate([x, 0.1 * random.normal(size=(200, 3))])
+    low, high = x[mesh.hexes].min(axis=1)[:, None], x[mesh.hexes].max(axis=1)[:, None]
+    element, point = self_contact._in_boxes(x, mesh.hexes, points)
+    order = np.lexsort([point, element])
+    pairs = np.argwhere(((points >= low) & (points <= high)).all(axis=2))
+    np.testing.assert_array_equal(np.column_stack([element, point])[order], pairs)

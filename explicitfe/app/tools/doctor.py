@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import os
-import platform
 import shutil
 import sys
-import tempfile
 from collections.abc import Iterator
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -15,6 +13,7 @@ from explicitfe.app.view.opengl import tried_renderer
 from explicitfe.platform.compiled.cache import VARIABLE, temporary_folder
 from explicitfe.platform.compiled.threads import cores
 from explicitfe.platform.errors import Progress, silent
+from explicitfe.platform.host.code_cache import can_write, kernel_folder
 from explicitfe.platform.host.extras import PACKAGES, has_extra, how_to_install
 from explicitfe.platform.host.load import is_busy, load
 from explicitfe.platform.host.memory import available_bytes, in_words
@@ -94,7 +93,7 @@ def _machine() -> Iterator[Finding]:
 
 def _places(folder: Path) -> Iterator[Finding]:
     room = shutil.disk_usage(folder).free
-    if not _can_write(folder):
+    if not can_write(folder):
         yield _finding("results", f"{folder.resolve()} cannot be written", "attention", "choose another folder with --out.")
     elif room < SMALLEST_ROOM_BYTES:
         advice = "large results may not fit; choose a folder on another disk with --out."
@@ -106,7 +105,7 @@ def _places(folder: Path) -> Iterator[Finding]:
 
 def _kernels() -> Finding:
     """Where compiled kernels are stored."""
-    name, folder, temporary = "compiled kernels", _kernel_folder(), temporary_folder()
+    name, folder, temporary = "compiled kernels", kernel_folder(), temporary_folder()
     if folder is None and temporary is None:
         advice = f"kernels are compiled again by each run, about a minute; set {VARIABLE} to a folder that you can write."
         return _finding(name, "no folder can be written", "attention", advice)
@@ -120,27 +119,6 @@ def _kernels() -> Finding:
     if not size:
         return _finding(name, f"none in {folder}", "absent", "`explicitfe warmup` compiles the usual ones in a few minutes.")
     return _finding(name, f"{in_words(size)} in {folder}")
-
-
-def _can_write(folder: Path) -> bool:
-    try:
-        with tempfile.TemporaryFile(dir=folder):
-            return True
-    except OSError:
-        return False
-
-
-def _kernel_folder() -> Path | None:
-    """The folder in which Numba stores compiled kernels of this package; None if neither package nor home can be written."""
-    stated = os.environ.get(VARIABLE)
-    package = Path(__file__).resolve().parents[2]
-    caches = {"Windows": "AppData/Local", "Darwin": "Library/Caches"}
-    user = Path.home() / caches.get(platform.system(), ".cache")
-    if stated:
-        return Path(stated)
-    if _can_write(package / "compiled"):
-        return package
-    return user / "numba" if _can_write(user) else None
 
 
 def _extras() -> Iterator[Finding]:

@@ -1,19 +1,18 @@
 """Lists of what comes with the program: models, muscles, scenarios, datasets, protocols, materials, effects.
 
-What needs the compiler, which takes a second to import, is imported by the list that needs it.
+What needs numpy or the compiler, which take their time to import, is imported by the list that needs it.
 """
 
 from __future__ import annotations
 
+import math
 import tomllib
 from collections.abc import Callable, Mapping, Sequence
 
-import numpy as np
 from pydantic import JsonValue
 from typing_extensions import TypedDict
 
 from explicitfe.platform.host import shipped
-from explicitfe.simulate.anatomy import catalogue
 
 Row = Mapping[str, object]
 """One entry; its first key is what a user has to type."""
@@ -89,15 +88,19 @@ class ListedEffect(TypedDict):
 
 
 def _models() -> list[ListedModel]:
+    from explicitfe.simulate.anatomy import catalogue
+
     rows: list[ListedModel] = []
     for name in catalogue.model_folders():
         for resolution, cells in catalogue.contour(name).resolutions.items():
-            rows.append({"model": name, "resolution": resolution, "cells": list(cells), "hexes": int(np.prod(cells))})
+            rows.append({"model": name, "resolution": resolution, "cells": list(cells), "hexes": math.prod(cells)})
     rows.append({"model": "specimen", "resolution": "from the tool", "cells": [], "hexes": None})
     return rows
 
 
 def _muscles() -> list[ListedMuscle]:
+    from explicitfe.simulate.anatomy import catalogue
+
     return [
         {
             "muscle": muscle.name,
@@ -146,6 +149,8 @@ def _protocols() -> list[ListedProtocol]:
 
 
 def _materials() -> list[ListedMaterial]:
+    from explicitfe.simulate.anatomy import catalogue
+
     return [
         {
             "material": name,

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import lru_cache
 
 import numpy as np
 import scipy
@@ -11,6 +10,8 @@ import scipy
 from explicitfe.fem.bones.surface import TriangleSurface, check_surface, in_mm, shifted
 from explicitfe.fem.mesh.triangles import triangle_distance, triangle_samples
 from explicitfe.platform.errors import InputError
+from explicitfe.platform.host.kept import kept
+from explicitfe.platform.host.stored import store_answers
 
 # Samples of the surface stand this many grid spacings apart: the triangles of the nearest ones are tried for a node.
 _SAMPLE_SPACINGS = 1.0
@@ -29,6 +30,8 @@ _REACH_MARGIN_M = 0.02
 _SHIFT_STEP_M = 5e-3
 # So many fields are kept for the next run of this process: two bones at a few places, for two meshes of the body.
 _KEPT_BONE_FIELDS = 16
+# Where the code of the fields stands.
+_SOURCES = ("fem/bones", "fem/mesh/triangles.py")
 # Columns of the grid are moved by this share of a spacing against the triangles, so that none runs along an edge.
 _COLUMN_SHIFT_SHARES = (1.7320508e-6, 2.2360680e-6)
 
@@ -143,15 +146,13 @@ def bone_field(
     InputError
         See ``check_surface``; or the body starts deeper than 5 mm inside the bone.
     """
-    content = surface.points.tobytes(), surface.triangles.tobytes()
-    _check(*content, surface.triangles.dtype.str, what, tuple(np.ptp(body_points, axis=0).tolist()))
+    _check(surface, what, np.ptp(body_points, axis=0))
     shift = np.zeros(3) if shift_m is None else np.asarray(shift_m, dtype=float)
     low, high = reach(body_points, margin_m + _SHIFT_STEP_M * np.ceil(np.abs(shift).max() / _SHIFT_STEP_M))
     beside = _BESIDE_SPACINGS * spacing_m
     low = np.maximum(low, surface.box_m[0] - beside)
     high = np.maximum(np.minimum(high, surface.box_m[1] + beside), low + 2.0 * spacing_m)  # a bone out of reach has a small grid
-    region = tuple(np.stack([low, high]).ravel().tolist())
-    field = _field(*content, surface.triangles.dtype.str, region, spacing_m, smoothing_m)
+    field = _field(surface, np.stack([low, high]), spacing_m, smoothing_m)
     field = replace(field, origin_m=field.origin_m + shift)
     distance, _ = field.at(body_points)
     deepest = int(distance.argmin())
@@ -163,26 +164,17 @@ def bone_field(
     return field
 
 
-@lru_cache(maxsize=_KEPT_BONE_FIELDS)
-def _check(points: bytes, triangles: bytes, numbers: str, what: str, extent_m: tuple[float, ...]) -> None:
-    """``check_surface`` of a surface as bytes, beside a body of an extent along each axis."""
-    check_surface(_surface(points, triangles, numbers), what, np.stack([np.zeros(3), np.array(extent_m)]))
+@kept(_KEPT_BONE_FIELDS)
+@store_answers(sources=_SOURCES)
+def _check(surface: TriangleSurface, what: str, extent_m: np.ndarray) -> None:
+    """``check_surface`` of a surface beside a body of an extent along each axis."""
+    check_surface(surface, what, np.stack([np.zeros(3), extent_m]))
 
 
-@lru_cache(maxsize=_KEPT_BONE_FIELDS)
-def _field(
-    points: bytes, triangles: bytes, numbers: str, region: tuple[float, ...], spacing_m: float, smoothing_m: float
-) -> DistanceField:
-    """``distance_field`` of a surface as bytes; its values are shared, so they cannot be changed."""
-    corners = np.array(region).reshape(2, 3)
-    field = distance_field(_surface(points, triangles, numbers), spacing_m=spacing_m, smoothing_m=smoothing_m, region=corners)
-    field.values.setflags(write=False)
-    return field
-
-
-def _surface(points: bytes, triangles: bytes, numbers: str) -> TriangleSurface:
-    """A surface from its bytes."""
-    return TriangleSurface(np.frombuffer(points).reshape(-1, 3), np.frombuffer(triangles, dtype=numbers).reshape(-1, 3))
+@kept(_KEPT_BONE_FIELDS)
+@store_answers(DistanceField, sources=_SOURCES)
+def _field(surface: TriangleSurface, region: np.ndarray, spacing_m: float, smoothing_m: float) -> DistanceField:
+    return distance_field(surface, spacing_m=spacing_m, smoothing_m=smoothing_m, region=region)
 
 
 def reach(body_points: np.ndarray, margin_m: float) -> np.ndarray:

@@ -5,7 +5,10 @@ from __future__ import annotations
 import numpy as np
 import scipy
 
+from explicitfe.platform.host.stored import store_answers
 
+
+@store_answers(sources=("fem/mesh/order.py",))
 def compute_order(hexes: np.ndarray, node_count: int) -> tuple[np.ndarray, np.ndarray]:
     """Node order (n,) and element order (m,) for computing: entry k is the user's number of what stands at place k.
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 import scipy
@@ -19,6 +20,8 @@ _TOUCHING_SHARE = 1e-8
 # The depth of a node is its distance from the nearest of so many triangles around it, those nearest by their middles: several
 # times as many as belong to its own neighbourhood, which do not count.
 _TRIANGLES_TRIED = 256
+# Cells are that much larger than boxes, so that rounding does not put the two ends of one three cells apart.
+_CELL_SHARE = 1.0 + 1e-6
 
 
 @dataclass(frozen=True)
@@ -57,7 +60,7 @@ def self_penetration(mesh: HexMesh, displacement: np.ndarray) -> SelfPenetration
     node = surface[row]
 
     neighbours = _neighbours(mesh.hexes, surface, mesh.node_count)
-    elsewhere = _entries(neighbours, row, mesh.hexes[element]).max(axis=1, initial=0) == 0
+    elsewhere = ~_are_neighbours(neighbours, mesh.node_count, node, mesh.hexes[element]).any(axis=1)
     element, node = element[elsewhere], node[elsewhere]
 
     inside = _inside(x[mesh.hexes[element]], x[node])
@@ -69,8 +72,8 @@ def self_penetration(mesh: HexMesh, displacement: np.ndarray) -> SelfPenetration
 
     tried = min(_TRIANGLES_TRIED, len(triangles))
     near = scipy.spatial.cKDTree(triangles.mean(axis=1)).query(x[nodes], k=np.arange(1, tried + 1))[1]
-    rows = np.repeat(np.searchsorted(surface, nodes), tried)
-    own = _entries(neighbours, rows, quads[near.ravel() // 4]).max(axis=1).reshape(near.shape) > 0
+    own = _are_neighbours(neighbours, mesh.node_count, np.repeat(nodes, tried), quads[near.ravel() // 4])
+    own = own.any(axis=1).reshape(near.shape)
     distance = triangle_distance(np.repeat(x[nodes], tried, axis=0), triangles[near.ravel()]).reshape(near.shape)
     depth = np.where(own, np.inf, distance).min(axis=1)
     depth = np.where(np.isfinite(depth), depth, distance.max(axis=1))  # nothing else is near: at least so deep
@@ -83,12 +86,10 @@ def self_penetration(mesh: HexMesh, displacement: np.ndarray) -> SelfPenetration
 
 
 @kept(4)
-def _neighbours(hexes: np.ndarray, surface: np.ndarray, node_count: int) -> scipy.sparse.csr_array:
-    """Which nodes the elements of each node of the surface have: entries that are not 0, (surface nodes, nodes)."""
-    incidence = scipy.sparse.csr_array(
-        (np.ones(hexes.size, dtype=np.int32), hexes.ravel(), 8 * np.arange(len(hexes) + 1)), shape=(len(hexes), node_count)
-    )
-    return (incidence[:, surface].T @ incidence).tocsr()
+def _neighbours(hexes: np.ndarray, surface: np.ndarray, node_count: int) -> np.ndarray:
+    """All pairs of a node of the surface and a node of one of its elements, each as ``node_count * first + second``, sorted."""
+    element, corner = np.nonzero(np.isin(hexes, surface))
+    return np.unique(node_count * hexes[element, corner][:, None] + hexes[element])
 
 
 def middles_in_elements(mesh: HexMesh) -> np.ndarray:
@@ -108,19 +109,43 @@ def _inside(corners: np.ndarray, points: np.ndarray) -> np.ndarray:
 
 def _in_boxes(x: np.ndarray, hexes: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """All pairs (k,), (k,) of an element and a point, of those given, that lies in its bounding box."""
-    corners = x[hexes]
-    low, high = corners.min(axis=1), corners.max(axis=1)
-    reach = 0.5 * np.linalg.norm(high - low, axis=1)
-    near = scipy.spatial.cKDTree(points).query_ball_point(0.5 * (low + high), reach)
-    element = np.repeat(np.arange(len(hexes)), [len(numbers) for numbers in near])
-    point = np.concatenate(near).astype(np.int64)
-    inside = ((points[point] >= low[element]) & (points[point] <= high[element])).all(axis=1)
-    return element[inside], point[inside]
+    low, high = x[hexes].min(axis=1), x[hexes].max(axis=1)
+    scale = np.frexp((high - low).max(axis=1))[1]
+    element, point = [], []
+    for boxes in (np.flatnonzero(scale == one) for one in np.unique(scale)):
+        box, inside = _in_boxes_alike(low[boxes], high[boxes], points)
+        element.append(boxes[box])
+        point.append(inside)
+    return np.concatenate(element), np.concatenate(point)
 
 
-def _entries(matrix: scipy.sparse.csr_array, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
-    """Entries (k, c) of a sparse matrix in rows (k,) and columns (k, c)."""
-    if not columns.size:
-        return np.zeros(columns.shape, dtype=np.int32)
-    picked = matrix[np.repeat(rows, columns.shape[1]), columns.ravel()]
-    return np.asarray(picked).reshape(columns.shape)
+def _in_boxes_alike(low: np.ndarray, high: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """All pairs (k,), (k,) of a box, with corners (m, 3), and a point in it.
+
+    The points are sorted into cells as large as the largest box: along each axis a box reaches into two.
+    """
+    origin, end = low.min(axis=0), high.max(axis=0)
+    size = _CELL_SHARE * np.maximum((high - low).max(axis=0), np.finfo(float).tiny)
+    count = ((end - origin) / size).astype(np.int64) + 2
+    stride = np.array([count[1] * count[2], count[2], 1])
+    near = np.flatnonzero(((points >= origin) & (points <= end)).all(axis=1))
+    cell = ((points[near] - origin) / size).astype(np.int64) @ stride
+    order = near[np.argsort(cell, kind="stable")]
+    cell.sort()
+    box, point = [], []
+    for x, y in product((0, 1), repeat=2):
+        first = ((low - origin) / size).astype(np.int64) @ stride + x * stride[0] + y * stride[1]
+        begin, after = np.searchsorted(cell, [first, first + 2])
+        hits = after - begin
+        number = np.repeat(np.arange(len(low)), hits)
+        candidate = order[np.arange(len(number)) + np.repeat(begin - np.cumsum(hits) + hits, hits)]
+        inside = ((points[candidate] >= low[number]) & (points[candidate] <= high[number])).all(axis=1)
+        box.append(number[inside])
+        point.append(candidate[inside])
+    return np.concatenate(box), np.concatenate(point)
+
+
+def _are_neighbours(neighbours: np.ndarray, node_count: int, first: np.ndarray, second: np.ndarray) -> np.ndarray:
+    """Which nodes (k, c) belong to an element of the node of the surface (k,)."""
+    pair = node_count * first[:, None] + second
+    return neighbours[np.minimum(np.searchsorted(neighbours, pair), len(neighbours) - 1)] == pair

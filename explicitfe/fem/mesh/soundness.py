@@ -14,6 +14,7 @@ import scipy
 from explicitfe.fem.mesh.hexmesh import FACES, HexMesh, face_groups
 from explicitfe.fem.mesh.quality import edge_lengths
 from explicitfe.fem.mesh.self_contact import middles_in_elements, self_penetration
+from explicitfe.platform.host.stored import store_answers
 
 # Nodes nearer to each other than this share of the shortest edge lie at one place: far above what a file rounds to.
 _ONE_PLACE_SHARE = 1e-2
@@ -49,6 +50,7 @@ class Soundness:
         return int(self.piece.max()) + 1
 
 
+@store_answers(Soundness, sources=("fem/mesh",))
 def soundness(mesh: HexMesh, *, overlap: bool = True) -> Soundness:
     """What a mesh is as a body; about a second for 100 000 elements.
 

@@ -27,7 +27,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Literal
 
 import numpy as np
@@ -39,6 +38,8 @@ from explicitfe.fem.mesh.quality import edge_lengths, volumes
 from explicitfe.fem.model.model import FibrePull, FibreStress
 from explicitfe.fem.model.profile import Profile
 from explicitfe.platform.errors import InputError
+from explicitfe.platform.host.kept import kept
+from explicitfe.platform.host.stored import store_answers
 
 # The width of the Gaussian: fibres of a muscle lie 3 to 8 mm apart, so that it joins them.
 WIDTH_MM = 3.0
@@ -78,6 +79,8 @@ _BATCH_POINTS = 1000
 
 # So many fields are kept for the next run of this process: those of all muscles of the tongue on two meshes.
 _KEPT_MUSCLE_FIELDS = 24
+# Where the code of the fields stands.
+_CODE_OF_FIELDS = ("fem/mesh", "fem/model/fibre_stress.py")
 
 Side = Literal["both", "left", "right"]
 
@@ -135,9 +138,10 @@ class _TissueField:
     integral: float
 
 
-@lru_cache(maxsize=_KEPT_MUSCLE_FIELDS)
+@kept(_KEPT_MUSCLE_FIELDS)
+@store_answers(_TissueField, sources=_CODE_OF_FIELDS)
 def _tissue_field(mesh: HexMesh, muscle: Muscle, side: Side, fibres: tuple[int, ...] | None, width_mm: float) -> _TissueField:
-    """The field of ``fibre_stress``; its arrays are shared, so they cannot be changed."""
+    """The field of ``fibre_stress``."""
     integral = np.zeros((mesh.element_count, 9))  # of A over each element, for a force of 1 N
     in_all, in_mesh = 0.0, 0.0
     for pieces in _pieces(muscle, muscle.chosen(side, fibres), 1e-3 * width_mm):
@@ -156,12 +160,9 @@ def _tissue_field(mesh: HexMesh, muscle: Muscle, side: Side, fibres: tuple[int, 
     volume = volumes(mesh.points, mesh.hexes)
     tensor = integral.reshape(-1, 3, 3) / volume[:, None, None]
     density = np.trace(tensor, axis1=1, axis2=2)
-    kept = np.flatnonzero(density > _CUTOFF_SHARE * density.max())
-    direction = np.linalg.eigh(tensor[kept])[1][:, :, -1]
-    field = _TissueField(kept, direction, density[kept], in_mesh, density[kept] @ volume[kept])
-    for array in (field.elements, field.direction, field.density):
-        array.setflags(write=False)
-    return field
+    elements = np.flatnonzero(density > _CUTOFF_SHARE * density.max())
+    direction = np.linalg.eigh(tensor[elements])[1][:, :, -1]
+    return _TissueField(elements, direction, density[elements], in_mesh, density[elements] @ volume[elements])
 
 
 def outside_pull(
@@ -172,12 +173,18 @@ def outside_pull(
     None where no fibre has such an end. Parameters and errors are those of ``fibre_stress``.
     """
     chosen = muscle.chosen(side, fibres)
-    lines = [line for fibre in chosen for line in _outside_lines(mesh, fibre)]
+    lines = _lines_outside(mesh, tuple(chosen))
     if not lines:
         return None
     ends = sum(int(np.sum(fibre.points.element[[0, -1]] < 0)) for fibre in chosen)
     tension = np.array([force_N / len(chosen) * ends / len(lines)])
-    return FibrePull(muscle.name, tuple(lines), (tension,) * len(lines), profile)
+    return FibrePull(muscle.name, lines, (tension,) * len(lines), profile)
+
+
+@kept(_KEPT_MUSCLE_FIELDS)
+@store_answers(MaterialPoints, sources=_CODE_OF_FIELDS)
+def _lines_outside(mesh: HexMesh, fibres: tuple[Fibre, ...]) -> tuple[MaterialPoints, ...]:
+    return tuple(line for fibre in fibres for line in _outside_lines(mesh, fibre))
 
 
 def _outside_lines(mesh: HexMesh, fibre: Fibre) -> list[MaterialPoints]:

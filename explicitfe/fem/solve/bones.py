@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.sparse import coo_matrix, csr_matrix
+import scipy
 
 from explicitfe.fem.bones.motion import RigidMotion
 from explicitfe.fem.forces.bone import CONTACT_STIFFNESS_PA_M
@@ -14,6 +14,7 @@ from explicitfe.fem.mesh.surface_points import surface_areas, surface_normals
 from explicitfe.fem.model.model import Attachment, Bone
 from explicitfe.platform.compiled.arrays import PLACEMENT, ROTATION, SHIFT, SPEED, SPIN, Bones, Ties
 from explicitfe.platform.host.kept import kept
+from explicitfe.platform.host.stored import store_answers
 
 # Where a bone begins beyond the depth at rest: were it there, rounding would tell which points touch before anything moves.
 REST_GAP_M = 1e-12
@@ -67,15 +68,15 @@ def ties_of(attachments: Sequence[Attachment], mesh: HexMesh, place: np.ndarray)
     node, column, stiffness, bone, length, row_sum = [], [], [], [], [], []
     first = 0
     for number, attachment in enumerate(attachments):
-        used, matrix = _tied(
+        used, counts, columns, values, sums = _tied(
             mesh.hexes, attachment.points.element, attachment.points.natural, attachment.areas_m2, attachment.stiffness_Pa_m
         )
         node.append(used)
         bone.append(np.full(len(used), number))
-        column.append(matrix.indices + first)
-        stiffness.append(matrix.data)
-        row_sum.append(np.asarray(matrix.sum(axis=1)).ravel())
-        length.append(np.diff(matrix.indptr))
+        column.append(columns + first)
+        stiffness.append(values)
+        row_sum.append(sums)
+        length.append(counts)
         first += len(used)
     nodes = np.concatenate([*node, np.zeros(0, dtype=np.int64)]).astype(np.int64)
     return Ties(
@@ -111,22 +112,26 @@ def _normal_of(mesh: HexMesh, attachment: Attachment) -> np.ndarray:
 
 
 @kept(16)
+@store_answers(sources=("fem/solve/bones.py", "fem/mesh/hexmesh.py"))
 def _tied(
     hexes: np.ndarray, element: np.ndarray, natural: np.ndarray, areas_m2: np.ndarray, stiffness_Pa_m: float
-) -> tuple[np.ndarray, csr_matrix]:
-    """The nodes (k,) that springs at points of elements hold, and the stiffness between them (k, k)."""
+) -> tuple[np.ndarray, ...]:
+    """The nodes (k,) that springs at points of elements hold; and, of the stiffness between them, how many entries each row has,
+    their columns and values, and the sums of the rows.
+    """
     weights, nodes = shape_functions(natural), hexes[element]
     share = stiffness_Pa_m * areas_m2[:, None, None] * weights[:, :, None] * weights[:, None, :]
     used, index = np.unique(nodes, return_inverse=True)
     index = index.reshape(nodes.shape)
     rows = np.broadcast_to(index[:, :, None], share.shape).ravel()
     columns = np.broadcast_to(index[:, None, :], share.shape).ravel()
-    matrix = coo_matrix((share.ravel(), (rows, columns)), shape=(len(used), len(used))).tocsr()
+    matrix = scipy.sparse.coo_matrix((share.ravel(), (rows, columns)), shape=(len(used), len(used))).tocsr()
     # of a face's element four corners have no weight but rounding
     matrix.data[np.abs(matrix.data) < 1e-12 * matrix.data.max(initial=0.0)] = 0.0
     matrix.eliminate_zeros()
     some = np.flatnonzero(np.diff(matrix.indptr))
-    return used[some], matrix[some][:, some]
+    matrix = matrix[some][:, some]
+    return used[some], np.diff(matrix.indptr), matrix.indices, matrix.data, np.asarray(matrix.sum(axis=1)).ravel()
 
 
 def placements(motions: Sequence[RigidMotion | None], instants: np.ndarray) -> np.ndarray:

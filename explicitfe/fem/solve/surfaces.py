@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.sparse import coo_array, csr_array
-from scipy.sparse.csgraph import connected_components
+import scipy
 
 from explicitfe.fem.bones.surface import in_mm
 from explicitfe.fem.forces.surface_search import find_touching_at_rest
@@ -130,7 +129,9 @@ def _bodies(mesh: HexMesh) -> np.ndarray:
     """Which body each node belongs to, (n,)."""
     edges = mesh.hexes[:, [0, 1, 2, 3, 4, 5, 6, 0, 1, 2, 3]], mesh.hexes[:, [1, 2, 3, 0, 5, 6, 7, 4, 5, 6, 7]]
     ends = (np.ones(edges[0].size), (edges[0].ravel(), edges[1].ravel()))
-    return connected_components(coo_array(ends, shape=2 * (mesh.node_count,)), directed=False)[1]
+    return scipy.sparse.csgraph.connected_components(scipy.sparse.coo_array(ends, shape=2 * (mesh.node_count,)), directed=False)[
+        1
+    ]
 
 
 def _check_apart(mesh: HexMesh, nodes: np.ndarray, surfaces: Surfaces) -> None:
@@ -173,10 +174,10 @@ def _across(faces: np.ndarray) -> np.ndarray:
     return across
 
 
-def _incidence(corners: np.ndarray, count: int) -> csr_array:
+def _incidence(corners: np.ndarray, count: int) -> scipy.sparse.csr_array:
     """Which of so many nodes each row of corners has, (rows, nodes)."""
     ends = corners.shape[1] * np.arange(len(corners) + 1)
-    return csr_array((np.ones(corners.size), corners.ravel(), ends), shape=(len(corners), count))
+    return scipy.sparse.csr_array((np.ones(corners.size), corners.ravel(), ends), shape=(len(corners), count))
 
 
 def _arrays(

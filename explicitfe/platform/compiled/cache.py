@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 import numba
+from llvmlite import binding as llvm
 from numba.core.caching import FunctionCache, IndexDataCacheFile
 
 from explicitfe.platform.errors import InputError, RunWarning
@@ -33,7 +34,7 @@ def store_compiled_code(dispatcher: Any) -> None:
     if numba.config.DISABLE_JIT:
         raise InputError("NUMBA_DISABLE_JIT is set, but explicitfe needs Numba's compiler; unset this environment variable.")
     try:
-        dispatcher._cache = _CheckedCache(dispatcher.py_func)
+        dispatcher._cache = _CheckedCache(dispatcher)
     except RuntimeError:  # neither the package nor the home folder can be written
         folder = temporary_folder()
         _warn(
@@ -44,7 +45,7 @@ def store_compiled_code(dispatcher: Any) -> None:
         if folder is not None:
             numba.config.CACHE_DIR = os.environ[VARIABLE] = str(folder)  # the variable is for worker processes
             with suppress(RuntimeError):
-                dispatcher._cache = _CheckedCache(dispatcher.py_func)
+                dispatcher._cache = _CheckedCache(dispatcher)
 
 
 @cache
@@ -72,9 +73,9 @@ class _CheckedFiles(IndexDataCacheFile):
     Python's pickle executes what it reads. A file that cannot be written costs only the time of the next compilation.
     """
 
-    def save(self, key: object, data: object) -> None:
+    def save(self, key: object, data: tuple[Any, ...]) -> None:
         try:
-            super().save(key, data)
+            super().save(key, _without_bitcode(data))
         except OSError as error:
             _warn(
                 f"compiled kernels cannot be stored in {self._cache_path} ({error.strerror}) and are compiled again by the next "
@@ -104,11 +105,37 @@ class _CheckedCache(FunctionCache):
 
     _cache_file: Any
 
-    def __init__(self, function: Any) -> None:
-        super().__init__(function)
+    def __init__(self, dispatcher: Any) -> None:
+        super().__init__(dispatcher.py_func)
         plain = self._cache_file
         self._cache_file = _CheckedFiles.__new__(_CheckedFiles)
         self._cache_file.__dict__.update(plain.__dict__)
+        self._makes_arrays = dispatcher.targetoptions["_nrt"]
+
+    def load_overload(self, sig: object, target_context: Any) -> Any:
+        """Load machine code; only a kernel that makes arrays needs what Numba prepares before, for a tenth of a second."""
+        if self._makes_arrays:
+            loaded = super().load_overload(sig, target_context)
+        else:
+            with self._guard_against_spurious_io_errors():
+                loaded = self._load_overload(sig, target_context)
+        if loaded is not None:
+            loaded.library._shared_module = None  # a kernel that called this one would link what _without_bitcode left
+        return loaded
+
+
+def _without_bitcode(data: tuple[Any, ...]) -> tuple[Any, ...]:
+    """A compilation as Numba stores it, with the names of its functions instead of LLVM's code of them.
+
+    That code is for other kernels that inline this one. There are none, and reading it takes longer than reading machine code.
+    """
+    (name, kind, code), *others = data
+    if kind != "object":
+        return data
+    machine_code, bitcode = code
+    functions = [function.name for function in llvm.parse_bitcode(bitcode).functions if not function.is_declaration]
+    stubs = llvm.parse_assembly("".join(f'define void @"{function}"() {{ ret void }}\n' for function in functions))
+    return (name, kind, (machine_code, stubs.as_bitcode())), *others
 
 
 def _is_intact(path: str) -> bool:

@@ -159,5 +159,13 @@ def _package_digest() -> bytes:
 
 
 def _file_bytes(path: str) -> bytes:
-    file = Path(path)
-    return hashlib.sha256(file.read_bytes()).digest() if file.suffix == ".py" and file.is_file() else b""
+    try:
+        return _digest_of_file(path, Path(path).stat().st_mtime_ns) if path.endswith(".py") else b""
+    except FileNotFoundError:
+        return b""
+
+
+@cache
+def _digest_of_file(path: str, written_ns: int) -> bytes:
+    """Of a source as it is since that time: the same files stand behind most kernels."""
+    return hashlib.sha256(Path(path).read_bytes()).digest()

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import os
+import platform
 import stat
+import tempfile
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -58,6 +60,28 @@ def refuse_foreign_code(environment: Mapping[str, str] = os.environ) -> None:
         f"{VARIABLE} = {folder} is not safe: {why}, and compiled kernels in it are executed with your rights. Use a folder that "
         "only you can write (mkdir, chmod 700)."
     )
+
+
+def kernel_folder() -> Path | None:
+    """The folder in which Numba stores compiled kernels of this package; None if neither package nor home can be written."""
+    stated = os.environ.get(VARIABLE)
+    if stated:
+        return Path(stated)
+    package = Path(__file__).resolve().parents[2]
+    if can_write(package):
+        return package
+    caches = {"Windows": "AppData/Local", "Darwin": "Library/Caches"}
+    user = Path.home() / caches.get(platform.system(), ".cache")
+    return user / "numba" if can_write(user) else None
+
+
+def can_write(folder: Path) -> bool:
+    """Whether files can be made in a folder."""
+    try:
+        with tempfile.TemporaryFile(dir=folder):
+            return True
+    except OSError:
+        return False
 
 
 @contextmanager

@@ -32,7 +32,7 @@ def kept(most: int) -> Callable[[Callable[Parameters, Answer]], Callable[Paramet
 
         @wraps(function)
         def answered(*args: Parameters.args, **kwargs: Parameters.kwargs) -> Answer:
-            key = _key((args, tuple(sorted(kwargs.items()))))
+            key = content_key((args, tuple(sorted(kwargs.items()))))
             with lock:
                 if key in answers:
                     answers.move_to_end(key)
@@ -50,15 +50,16 @@ def kept(most: int) -> Callable[[Callable[Parameters, Answer]], Callable[Paramet
     return decorated
 
 
-def _key(value: object) -> Hashable:
+def content_key(value: object) -> Hashable:
+    """What tells inputs apart: an array counts by what it holds."""
     if isinstance(value, np.ndarray):
         return value.shape, value.dtype.str, _digest(value)
     if isinstance(value, tuple):
-        return tuple(_key(part) for part in value)
+        return tuple(content_key(part) for part in value)
     if isinstance(value, dict):
-        return tuple((name, _key(part)) for name, part in value.items())
+        return tuple((name, content_key(part)) for name, part in value.items())
     if is_dataclass(value):
-        return tuple(_key(getattr(value, field.name)) for field in fields(value))
+        return tuple(content_key(getattr(value, field.name)) for field in fields(value))
     assert isinstance(value, Hashable)
     return value
 

@@ -5,6 +5,7 @@ Laws and result files are imported where they are needed: whoever asks for the n
 
 from __future__ import annotations
 
+import json
 import math
 import tomllib
 from collections.abc import Mapping
@@ -15,14 +16,16 @@ from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
+from explicitfe.fem.bones.surface import TriangleSurface
 from explicitfe.fem.bones.tables import BoneShape, channel, read_bones
 from explicitfe.fem.mesh.bent_block import ContourMap
-from explicitfe.fem.mesh.hexmesh import MaterialPoints
-from explicitfe.fem.mesh.muscle_lines import read_muscles
+from explicitfe.fem.mesh.hexmesh import HexMesh, MaterialPoints
+from explicitfe.fem.mesh.muscle_lines import Fibre, Muscle, read_muscles
 from explicitfe.fem.mesh.quality import check
 from explicitfe.fem.mesh.size import check_size
 from explicitfe.platform.errors import InputError, nearest
 from explicitfe.platform.host.shipped import folder_of
+from explicitfe.platform.host.stored import store_answers
 from explicitfe.simulate.anatomy.anatomy import Anatomy
 
 if TYPE_CHECKING:
@@ -87,11 +90,18 @@ def contour(name: str) -> ContourMap:
 @cache
 def bones(name: str) -> dict[str, BoneShape]:
     """The surfaces around a built-in model by name: its bones, and the walls of its airway; the arrays are read-only."""
-    path = _file(name, "bones.toml")
+    path, around = _file(name, "bones.toml"), airway(name)
+    return _bones(path, _text(path), "" if around is None else around.wall.model_dump_json())
+
+
+@store_answers(BoneShape, TriangleSurface, sources=("fem/bones",))
+def _bones(path: Path | None, text: str, wall: str) -> dict[str, BoneShape]:
+    """The bones of a file with this text, and the wall of a pharynx as JSON; "" for none."""
     shapes = {} if path is None else read_bones(path)
-    if (around := airway(name)) is not None:
-        shapes["pharynx"] = BoneShape("pharynx", around.wall.title, channel(around.wall.model_dump()))
-    return _locked(shapes)
+    if wall:
+        table = json.loads(wall)
+        shapes["pharynx"] = BoneShape("pharynx", table["title"], channel(table))
+    return shapes
 
 
 @cache
@@ -110,6 +120,10 @@ def _file(name: str, file: str) -> Path | None:
     if path.is_file():
         return path
     return _file(based_on, file) if based_on else None
+
+
+def _text(path: Path | None) -> str:
+    return "" if path is None else path.read_text(encoding="utf-8")
 
 
 def cells_of(name: str, resolution: str | None, cells: tuple[int, int, int] | None) -> tuple[int, int, int]:
@@ -132,18 +146,28 @@ def built_in(name: str, resolution: str | None = None, cells: tuple[int, int, in
 
 @lru_cache(maxsize=_KEPT_MESHES)
 def _built_in(name: str, grid: tuple[int, int, int]) -> Anatomy:
-    shape = contour(name)
     path = _file(name, "muscles.toml")
+    return _anatomy(name, contour(name), grid, path, _text(path))
+
+
+@store_answers(Anatomy, HexMesh, MaterialPoints, Muscle, Fibre, sources=("fem/mesh", "simulate/anatomy"))
+def _anatomy(name: str, shape: ContourMap, grid: tuple[int, int, int], path: Path | None, text: str) -> Anatomy:
+    """A model with the muscles of a file with this text."""
     muscles = {} if path is None else read_muscles(path, shape, grid)
     mesh = shape.mesh(grid)
     check(mesh, f"model {name}")
-    return _locked(Anatomy(name=name, mesh=mesh, muscles=muscles, fixed=shape.fixed))
+    return Anatomy(name=name, mesh=mesh, muscles=muscles, fixed=shape.fixed)
 
 
 @lru_cache(maxsize=_KEPT_MESHES)
 def attachment_points(name: str, cells: tuple[int, int, int], patch: str) -> tuple[MaterialPoints, np.ndarray]:
     """Points and areas of an attachment of a built-in model; see :meth:`ContourMap.attachment_points`. Read-only."""
-    return _locked(contour(name).attachment_points(cells, patch))
+    return _attachment_points(contour(name), cells, patch)
+
+
+@store_answers(MaterialPoints, sources=("fem/mesh",))
+def _attachment_points(shape: ContourMap, cells: tuple[int, int, int], patch: str) -> tuple[MaterialPoints, np.ndarray]:
+    return shape.attachment_points(cells, patch)
 
 
 def _locked(shared: _Shared) -> _Shared:

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from typing import ClassVar
 
 import numpy as np
+import scipy
 from pydantic import Field
-from scipy.interpolate import PchipInterpolator
 
 from explicitfe.fem.effects.effect import Description, Measurement, Sought
 from explicitfe.fem.effects.record import Record
@@ -45,4 +45,4 @@ class Lag(Measurement):
         if by_s == 0.0:
             return column
         t, values = record.whole or (record.time_s, column)
-        return PchipInterpolator(t, values)(np.clip(record.time_s + by_s, t[0], t[-1]))
+        return scipy.interpolate.PchipInterpolator(t, values)(np.clip(record.time_s + by_s, t[0], t[-1]))

@@ -133,6 +133,12 @@ distribution = "stress"
 duration_ms = 1.0
 """
 
+TRANSVERSUS = """[[muscle]]
+name = "TRANS"
+force_N = 4.0
+distribution = "stress"
+"""
+
 
 def assembled(folder: Path, text: str) -> Model:
     path = folder / "velum.toml"
@@ -159,6 +165,17 @@ def test_a_palatoglossus_pulls_at_a_velum_that_is_a_body(tmp_path: Path) -> None
     assert sum(tension.sum() for tension in pull.tension_N) == pytest.approx(0.8)
     alone = assembled(tmp_path, WITH_VELUM[: WITH_VELUM.index("[[body]]")] + WITH_VELUM[WITH_VELUM.index("[[muscle]]") :])
     assert all(line.element[0] < 0 for line in alone.pulls[0].points)
+
+
+def test_a_muscle_acts_on_its_own_body_only(tmp_path: Path) -> None:
+    """Its Gaussians reach into the velum 6 mm away, and the styloglossus passes it: neither pulls there."""
+    text = WITH_VELUM.replace('name = "PG"', 'name = "STY"').replace("[analysis]", TRANSVERSUS + "[analysis]")
+    model, tongue = assembled(tmp_path, text), catalogue.built_in("tongue", "coarse").mesh
+    assert all(stress.elements.max() < tongue.element_count for stress in model.stresses)
+    assert all(line.element.max() < tongue.element_count for pull in model.pulls for line in pull.points)
+    alone = assembled(tmp_path, text[: text.index("[[body]]")] + text[text.index("[[muscle]]") :])
+    for one, other in zip(model.stresses, alone.stresses, strict=True):
+        assert np.array_equal(one.elements, other.elements) and np.array_equal(one.stress_Pa, other.stress_Pa)
 
 
 def test_a_support_moves_a_patch_of_a_body(tmp_path: Path) -> None:

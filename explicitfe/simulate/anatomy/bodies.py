@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence, Set
+from collections.abc import Callable, Mapping, Sequence, Set
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -29,24 +29,29 @@ class Bodies:
     anatomy : of all of them; that of ``[model]`` has its own names, the others have theirs in front.
     inclusions : the elements of bodies with another material than that of ``[model]``.
     held : (k,) nodes of further bodies that are held.
-    further : the mesh of each further body in its place, with the number of its first element.
+    parts : name of a body, "" of that of ``[model]`` -> its mesh in its place, and the number of its first element.
     """
 
     anatomy: Anatomy
     inclusions: tuple[Inclusion, ...] = ()
     held: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
-    further: tuple[tuple[HexMesh, int], ...] = ()
+    parts: Mapping[str, tuple[HexMesh, int]] = field(default_factory=dict)
 
-    def tie(self, pull: FibrePull) -> FibrePull:
+    def part_of(self, muscle: str) -> tuple[HexMesh, int]:
+        """The mesh of the body that a muscle belongs to, and the number of its first element: it acts nowhere else."""
+        return next((part for name, part in self.parts.items() if name and muscle.startswith(f"{name}.")), self.parts[""])
+
+    def tie(self, pull: FibrePull, first: int = 0) -> FibrePull:
         """The lines of a muscle, with their ends in space that lie in a further body tied to it.
 
         So a palatoglossus pulls at a velum that is a body as at one of bone. Lines from one end to points around a fibre's entry
-        lie as far apart in that body as there: a force at a point has no limit under refinement.
+        lie as far apart in that body as there: a force at a point has no limit under refinement. Elements of the muscle's body
+        count from ``first`` on.
         """
         ends = np.array([line.position[0] for line in pull.points])
         entries = np.array([line.position[1] for line in pull.points])
-        lines = list(pull.points)
-        for mesh, first in self.further:
+        lines = [replace(line, element=np.where(line.element < 0, -1, line.element + first)) for line in pull.points]
+        for mesh, first in (part for name, part in self.parts.items() if name):
             _, within = points_of_mesh(mesh, ends)
             for end in np.unique(ends[within], axis=0):
                 of_end = np.flatnonzero((ends == end).all(axis=1) & [line.element[0] < 0 for line in lines])
@@ -77,8 +82,8 @@ def with_bodies(
     """
     main = anatomy_of(model, folder)
     if not tables:
-        return Bodies(main)
-    meshes, muscles, inclusions, further = {"": main.mesh}, dict(main.muscles), [], []
+        return Bodies(main, parts={"": (main.mesh, 0)})
+    parts, muscles, inclusions = {"": (main.mesh, 0)}, dict(main.muscles), []
     held: list[np.ndarray] = []
     nodes, elements = main.mesh.node_count, main.mesh.element_count
     for table in tables:
@@ -95,8 +100,7 @@ def with_bodies(
         if not fixed and not any(name.startswith(f"{table.name}.") for name in supported):
             raise InputError(f"{where} is held by nothing; name node sets of it in fixed.")
         shift = 1e-3 * np.array(table.shift_mm)
-        meshes[table.name] = _shift_mesh(one.mesh, shift)
-        further.append((meshes[table.name], elements))
+        parts[table.name] = _shift_mesh(one.mesh, shift), elements
         for name, muscle in one.muscles.items():
             muscles[f"{table.name}.{name}"] = _shift_muscle(muscle, f"{table.name}.{name}", elements, shift)
         if table.material is not None:
@@ -105,8 +109,8 @@ def with_bodies(
                 raise InputError(f"{where}: its material is of another law than that of [model]; use one law for all bodies.")
             inclusions.append(Inclusion(elements + np.arange(one.mesh.element_count), law))
         nodes, elements = nodes + one.mesh.node_count, elements + one.mesh.element_count
-    anatomy = Anatomy(main.name, join(meshes), muscles, main.fixed)
-    return Bodies(anatomy, tuple(inclusions), np.unique(np.concatenate([*held, np.zeros(0, dtype=np.int64)])), tuple(further))
+    anatomy = Anatomy(main.name, join({name: mesh for name, (mesh, _) in parts.items()}), muscles, main.fixed)
+    return Bodies(anatomy, tuple(inclusions), np.unique(np.concatenate([*held, np.zeros(0, dtype=np.int64)])), parts)
 
 
 def _shift_mesh(mesh: HexMesh, shift_m: np.ndarray) -> HexMesh:

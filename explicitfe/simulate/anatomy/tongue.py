@@ -112,15 +112,17 @@ def assemble(scenario: TransientScenario, folder: Path) -> Assembly:
         muscle = anatomy.muscles[entry.name]
         if entry.distribution == "stress":
             course, fibres = profile_of(entry), entry.fibres
-            stress = fibre_stress(mesh, muscle, entry.force_N, entry.side, course, fibres=fibres, force_length=entry.force_length)
-            outside = outside_pull(mesh, muscle, entry.force_N, entry.side, course, fibres=fibres)
+            part, first = bodies.part_of(entry.name)
+            stress = fibre_stress(part, muscle, entry.force_N, entry.side, course, fibres=fibres, force_length=entry.force_length)
+            stress = replace(stress, elements=stress.elements + first)
+            outside = outside_pull(part, muscle, entry.force_N, entry.side, course, fibres=fibres)
             if surgery is not None:
                 cut.append((stress, stress := surgery.left_of_stress(stress)))
                 if outside is not None:
                     cut.append((outside, outside := surgery.left_of_lines(outside)))
             stresses.append(stress)
             lines_of_muscles.append(tuple(fibre.points for fibre in muscle.chosen(entry.side, fibres)))
-            pulls += [] if outside is None else [bodies.tie(outside)]
+            pulls += [] if outside is None else [bodies.tie(outside, first)]
             continue
         lines = bodies.tie(line_pull(mesh, muscle, entry))
         if surgery is not None:

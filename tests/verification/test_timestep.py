@@ -362,23 +362,3 @@ def test_inverted_element_ends_the_run_with_its_number():
     assert not J[number] > 0.0
     assert f"element {number} " in status.message
     assert f"{1e3 * simulation.time_s:.3f} ms" in status.message
-
-
-def test_checks_of_few_turns_keep_the_step_below_the_limit(record_property):
-    """The barrier against folding stiffens and yields: few turns confirm the limit, and all of them find it anew.
-
-    Vowel [i] of the cadaver by muscle stress on the medium tongue, 30 ms: dt < 0.95 of 2 / omega_max at every ms, by 100 turns
-    from a fresh start. The largest share was 0.9220 in 120 ms, and 0.9215 with twelve turns in each check.
-    """
-    settings = [f"muscle.{name}.distribution=stress" for name in ("GGp", "GGa")]
-    path = ROOT / "scenarios" / "vowel-i-gerard-2005.toml"
-    simulation, fresh = (prepare(path, settings).body for _ in range(2))
-    transient = Transient(simulation, 0.03)
-    shares = []
-    while transient.advance_to(1e-3 * (len(shares) + 1)) is None and not transient.finished:
-        fresh.restore(simulation.restart_state())
-        fresh._looks.vector[:] = fresh._looks.noise
-        shares.append(simulation.dt_s / fresh.stable_limit(100))
-    assert transient.finished and len(shares) == 29
-    record_property("largest_share", max(shares))
-    assert max(shares) < 0.95

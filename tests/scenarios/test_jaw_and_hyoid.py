@@ -98,13 +98,16 @@ def test_all_that_belongs_to_the_jaw_moves_with_it():
         np.testing.assert_array_equal(one, other)
 
 
-def test_no_muscle_but_styloglossus_begins_in_space():
-    """On the styloid process, which belongs to the skull: it stays. All others begin in the tissue, and move with its ties."""
+def test_two_muscles_begin_in_space():
+    """On the styloid process and in the soft palate, which belong to the skull. All others begin in the tissue, and move with its
+    ties."""
     anatomy = catalogue.built_in("tongue", "coarse", None)
     for name, muscle in anatomy.muscles.items():
         in_space = np.concatenate([fibre.points.position[fibre.points.element < 0] for fibre in muscle.fibres])
         if name == "STY":
             np.testing.assert_allclose(1e3 * np.abs(in_space), np.tile([150.0, 36.0, 125.0], (len(muscle.fibres), 1)))
+        elif name == "PG":
+            assert len(in_space) == len(muscle.fibres) and (in_space[:, 0] > 0.103).all()  # behind the hard palate
         else:
             assert not len(in_space)
 

@@ -303,7 +303,11 @@ def _note_writing(name: str, arguments: tuple[object, ...]) -> None:
     if name == "open":
         path, _, flags = arguments
         writes = isinstance(flags, int) and flags & (os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_APPEND)
-        targets = [path] if writes else []
+        unnamed = getattr(
+            os, "O_TMPFILE", 0
+        )  # a file without a name, which tries whether a folder can be written, leaves nothing
+        leaves = isinstance(flags, int) and not (unnamed and flags & unnamed == unnamed)
+        targets = [path] if writes and leaves else []
     elif name in ("os.mkdir", "os.remove", "os.rmdir", "os.truncate", "os.chmod"):
         targets = [arguments[0]]
     elif name in ("os.rename", "os.link", "os.symlink"):

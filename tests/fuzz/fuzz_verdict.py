@@ -303,11 +303,8 @@ def _note_writing(name: str, arguments: tuple[object, ...]) -> None:
     if name == "open":
         path, _, flags = arguments
         writes = isinstance(flags, int) and flags & (os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_APPEND)
-        unnamed = getattr(
-            os, "O_TMPFILE", 0
-        )  # a file without a name, which tries whether a folder can be written, leaves nothing
-        leaves = isinstance(flags, int) and not (unnamed and flags & unnamed == unnamed)
-        targets = [path] if writes and leaves else []
+        # A folder is opened for a file without a name, which tries whether it can be written and leaves nothing.
+        targets = [path] if writes and not (isinstance(path, str) and os.path.isdir(path)) else []
     elif name in ("os.mkdir", "os.remove", "os.rmdir", "os.truncate", "os.chmod"):
         targets = [arguments[0]]
     elif name in ("os.rename", "os.link", "os.symlink"):

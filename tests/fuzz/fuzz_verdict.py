@@ -304,7 +304,7 @@ def _note_writing(name: str, arguments: tuple[object, ...]) -> None:
         path, _, flags = arguments
         writes = isinstance(flags, int) and flags & (os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_APPEND)
         # A folder is opened for a file without a name, which tries whether it can be written and leaves nothing.
-        targets = [path] if writes and not (isinstance(path, str) and os.path.isdir(path)) else []
+        targets = [path] if writes and not (isinstance(path, str) and Path(path).is_dir()) else []
     elif name in ("os.mkdir", "os.remove", "os.rmdir", "os.truncate", "os.chmod"):
         targets = [arguments[0]]
     elif name in ("os.rename", "os.link", "os.symlink"):

@@ -14,7 +14,7 @@ from explicitfe.platform.compiled.contact_arrays import ALIKE, CELLS, FACES_NEAR
 from explicitfe.platform.compiled.jit import leaf, part_of_kernels
 
 TIE_SHARE = 1e-9  # of a squared distance: triangles that are as near to a point have an edge or a corner in common
-SLACK_SHARE = 0.1  # of the skin; the triangles near a point are valid until a node has moved by half of this distance
+SLACK_SHARE = 0.1  # Fraction of the skin: nearby triangles are searched for again when a node has moved by half of it.
 LEAST_DEPTH_M = 1e-9  # below which the direction to a closest point is rounding
 
 

@@ -129,9 +129,8 @@ def _bodies(mesh: HexMesh) -> np.ndarray:
     """Which body each node belongs to, (n,)."""
     edges = mesh.hexes[:, [0, 1, 2, 3, 4, 5, 6, 0, 1, 2, 3]], mesh.hexes[:, [1, 2, 3, 0, 5, 6, 7, 4, 5, 6, 7]]
     ends = (np.ones(edges[0].size), (edges[0].ravel(), edges[1].ravel()))
-    return scipy.sparse.csgraph.connected_components(scipy.sparse.coo_array(ends, shape=2 * (mesh.node_count,)), directed=False)[
-        1
-    ]
+    graph = scipy.sparse.coo_array(ends, shape=2 * (mesh.node_count,))
+    return scipy.sparse.csgraph.connected_components(graph, directed=False)[1]
 
 
 def _check_apart(mesh: HexMesh, nodes: np.ndarray, surfaces: Surfaces) -> None:

@@ -63,7 +63,7 @@ def refuse_foreign_code(environment: Mapping[str, str] = os.environ) -> None:
 
 
 def kernel_folder() -> Path | None:
-    """The folder in which Numba stores compiled kernels of this package; None if neither package nor home can be written."""
+    """Folder of the compiled kernels of this package; None if neither the package nor the home folder is writable."""
     stated = os.environ.get(VARIABLE)
     if stated:
         return Path(stated)

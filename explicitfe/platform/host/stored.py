@@ -56,7 +56,7 @@ def store_answers(
             if content is None:
                 content = _content_of(key, function(*args, **kwargs))
                 _write(key, content)
-            return _answer_in(content, kinds)  # of a new answer too: whoever computes it has the same as whoever loads it
+            return _answer_in(content, kinds)  # A new answer is read back too, so that it equals a stored one.
 
         return answer_of
 

@@ -52,9 +52,12 @@ class Bodies:
         entries = np.array([line.position[1] for line in pull.points])
         lines = [replace(line, element=np.where(line.element < 0, -1, line.element + first)) for line in pull.points]
         for mesh, first in (part for name, part in self.parts.items() if name):
+            in_space = np.array([line.element[0] < 0 for line in lines])
+            if not in_space.any():
+                break
             _, within = points_of_mesh(mesh, ends)
-            for end in np.unique(ends[within], axis=0):
-                of_end = np.flatnonzero((ends == end).all(axis=1) & [line.element[0] < 0 for line in lines])
+            for end in np.unique(ends[within & in_space], axis=0):
+                of_end = np.flatnonzero((ends == end).all(axis=1) & in_space)
                 spread, _ = points_of_mesh(mesh, end + entries[of_end] - entries[of_end].mean(axis=0), np.inf, thorough=True)
                 for row, number in enumerate(of_end):
                     line = lines[number]

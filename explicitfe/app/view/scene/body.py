@@ -1,4 +1,4 @@
-"""The body as a smooth surface that moves with the mesh, for pyvista. Lengths of what is drawn are in mm."""
+"""Smooth surface of the body that follows the mesh, as pyvista data in mm."""
 
 from __future__ import annotations
 

@@ -301,7 +301,7 @@ class BlockRun:
     steps: int
 
 
-def block_run(kind: str, element: str, n: int) -> BlockRun:
+def moved_block(kind: str, element: str, n: int) -> Simulation:
     """A block of 20 x 20 x 40 mm in n x n x 2 n elements whose two ends are moved as rigid plates.
 
     One end stands still; the other turns by 180 degrees about the axis ("twist"), comes half way ("compress"), slides by the
@@ -331,14 +331,20 @@ def block_run(kind: str, element: str, n: int) -> BlockRun:
 
     motion = PrescribedMotion(np.concatenate([bottom, top]), displacement)
     held = np.zeros(X.shape, dtype=bool)
-    simulation = Simulation(Model(mesh, YEOH, held, 20.0, element=element, motion=motion))
+    return Simulation(Model(mesh, YEOH, held, 20.0, element=element, motion=motion))
+
+
+def block_run(kind: str, element: str, n: int) -> BlockRun:
+    """The course of a ``moved_block``."""
+    simulation = moved_block(kind, element, n)
+    mesh = simulation.model.mesh
     transient, ledger = Transient(simulation, 2.0 * COURSE_s), Ledger()
     status, folded, samples = None, 0, 160
     for k in range(samples + 1):
         status = transient.advance_to(2.0 * COURSE_s * k / samples)
         snapshot = simulation.snapshot()
         ledger.add(snapshot)
-        folded = max(folded, certify(X + snapshot.displacement, mesh.hexes).folded_count)
+        folded = max(folded, certify(mesh.points + snapshot.displacement, mesh.hexes).folded_count)
         if k == samples // 4 or status:
             extreme = snapshot.energies
         if status:

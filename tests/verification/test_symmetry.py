@@ -33,17 +33,17 @@ def deviation_over_the_run(settings: list[str]) -> tuple[float, float]:
 
 @pytest.mark.parametrize("element", ELEMENTS)
 def test_symmetric_pull_moves_symmetrically(element, record_property):
-    """The paper's GGp of 2 N and GGa of 0.2 N on both sides: within 1e-9 mm over 120 ms.
+    """The paper's GGp of 2 N and GGa of 0.2 N on both sides: within 1e-8 mm over 120 ms.
 
     The two sides differ by rounding only, as sums run in another order: eps x 10 mm = 2e-15 mm a step, which random steps
-    add up to sqrt(1300) of that, 1e-13 mm, and a transient that is not chaotic multiplies by far less than the 1e4 that are
-    left.
+    add up to sqrt(1300) of that, 1e-13 mm. Corners that are thrown back by the barrier multiply it: six fixed steps of 30 to
+    45 microseconds gave 7e-11 to 8e-10 mm, so ten times that is allowed.
     """
     worst, largest = deviation_over_the_run([f"model.element={element}"])
     record_property("deviation / mm", 1e3 * worst)
     record_property("largest displacement / mm", 1e3 * largest)
     assert largest > 1e-3
-    assert worst < 1e-12
+    assert worst < 1e-11
 
 
 @pytest.mark.parametrize("side", ["left", "right"])

@@ -127,8 +127,13 @@ def add_contact_stiffness(force, u, here, bones, placement, instant):
     For the highest frequency: the stiffness k A g x g of the points that touch. The force itself bends at first touch and where g
     jumps from cell to cell, and a difference over a nanometre would take such a bend for a huge stiffness.
     """
+    moving = 0
+    for bone in range(len(bones.start)):
+        moving += bones.moves[bone]
     for point in range(len(bones.node)):
         node = bones.node[point]
+        if moving == 0 and is_far(bones.free, 0, point, here[node, 0], here[node, 1], here[node, 2]):
+            continue
         x = bones.position[point, 0] + here[node, 0]
         y = bones.position[point, 1] + here[node, 1]
         z = bones.position[point, 2] + here[node, 2]

@@ -7,8 +7,12 @@ from typing import Any
 
 from explicitfe.fem.forces.apart import add_surface_pressure
 from explicitfe.fem.solve.look import (
+    FEWEST_TURNS,
+    LONGEST_STEP_SHARE,
     MAXIMUM,
-    MOST_STEPS_BETWEEN_LOOKS,
+    SHORT_WAIT_STEPS,
+    STEPS_IN_A_PERIOD,
+    STEPS_THAT_CALL_FOR_ALL_TURNS,
     allow_growth,
     calls_for_another_step,
     is_due,
@@ -19,12 +23,14 @@ from explicitfe.fem.solve.look import (
     smallest,
     steps_ahead,
 )
+from explicitfe.fem.solve.stable_step import STEP_SHARE_OF_LIMIT
 from explicitfe.platform.compiled.arrays import (
     CEILING,
     CORNER,
     IN_ALL,
     IN_LOOKS,
     IN_SAMPLES,
+    LIMIT,
     PERIOD,
     SINCE,
     SMALLEST_J,
@@ -32,6 +38,7 @@ from explicitfe.platform.compiled.arrays import (
     WAIT,
     BoneRecord,
 )
+from explicitfe.platform.compiled.jit import leaf
 from explicitfe.platform.compiled.threads import asked_to_stop, ticks, wait
 
 # Placeholders, bound in solve/kernels.py.
@@ -42,8 +49,10 @@ scan: Any = None
 
 NO_LOOKS, AUTOMATIC_STEP, UNDAMPED_STEP, FIXED_STEP, LIMIT_ALONE = range(5)  # what ``looking`` can be
 # There are no more turns once the square of the highest frequency rises by less than this share in one; but it may pause for some
-# turns before it rises on, and so at the start of a run all turns are made.
-NOT_SETTLED, NEVER_SETTLED = -1.0, -1.0
+# turns before it rises on, and so all turns are made.
+NOT_SETTLED = -1.0
+# A look after few turns has confirmed the limit if it comes to this share of it.
+SURE_SHARE_OF_LIMIT = 0.995
 
 
 def course(state, part, looks, looker, shared, actions, samples, instant, span, ledgers):
@@ -88,19 +97,28 @@ def course(state, part, looks, looker, shared, actions, samples, instant, span, 
                     ahead = steps_ahead(part, looks)
                 sought = is_due(watch, ahead)
                 if sought:
+                    wait(part.gate, part.parts)  # two sums in one place
                     barrier = -smallest(looks.sums, part, MAXIMUM, -part.blocks.corner[STIFFEST])
                     nearest = part.blocks.corner[CORNER]  # a look evaluates forces beside the present state
-                    settled = NEVER_SETTLED if looking == LIMIT_ALONE else NOT_SETTLED
-                    highest = highest_frequency(state, part, looks, looker, actions, instant, turns, settled, length)
-                    limit = limit_of(highest, contact_frequency)
-                    note_limit(watch, limit)
+                    thorough = looking != AUTOMATIC_STEP or needs_all_turns(watch, ahead, barrier, margins)
+                    while True:
+                        most = turns if thorough else FEWEST_TURNS
+                        highest = highest_frequency(state, part, looks, looker, actions, instant, most, NOT_SETTLED, length)
+                        limit = limit_of(highest, contact_frequency)
+                        if thorough or limit >= SURE_SHARE_OF_LIMIT * watch[LIMIT]:
+                            break
+                        thorough = True
+                        wait(part.gate, part.parts)
+                    # a vibration that few turns have missed can only make the limit shorter
+                    note_limit(watch, limit if thorough else min(limit, watch[LIMIT]))
                     if looking == LIMIT_ALONE:
                         break
                     part.blocks.corner[CORNER] = nearest
-                    watch[CEILING] = barrier + margins.barrier * highest * highest
-                    allow_growth(part, looks, highest * highest, dt / limit, margins)
-                    wait(part.gate, part.parts)
-                    ahead = steps_ahead(part, looks)
+                    if thorough:
+                        watch[CEILING] = barrier + margins.barrier * highest * highest
+                        allow_growth(part, looks, highest * highest, dt / limit, margins)
+                        wait(part.gate, part.parts)
+                        ahead = steps_ahead(part, looks)
                 plan_next_scan(watch, ahead)
                 if part.number == 0:
                     looks.spent[IN_LOOKS] += ticks() - now
@@ -109,7 +127,7 @@ def course(state, part, looks, looker, shared, actions, samples, instant, span, 
             end = min(end, instant + int(watch[WAIT]))
         if taken < len(samples.instant):
             end = min(end, samples.instant[taken])
-        stiffest = math.inf if looking == NO_LOOKS else watch[CEILING]
+        stiffest = math.inf if looking == NO_LOOKS else watch[CEILING] + more_room(watch, dt, margins)
         reached = advance(state, part, shared, actions, dt_before, dt, stiffest, margins.fall, instant, end, ledger)
         watch[SINCE] += reached - instant
         watch[WAIT] -= reached - instant
@@ -119,11 +137,33 @@ def course(state, part, looks, looker, shared, actions, samples, instant, span, 
         wait(part.gate, part.parts)
         if asked_to_stop(part.gate):
             if looking != NO_LOOKS:  # the next call begins with a look
-                watch[WAIT], watch[SINCE] = 0.0, MOST_STEPS_BETWEEN_LOOKS
+                watch[WAIT], watch[SINCE] = 0.0, STEPS_THAT_CALL_FOR_ALL_TURNS
             break
     if part.number == 0:
         looks.spent[IN_ALL] += ticks() - begin
     return instant
+
+
+@leaf
+def needs_all_turns(watch, ahead, barrier, margins):
+    """Whether few turns may miss something: a bound or the barrier calls, the step may be lengthened, or the barrier is stiff.
+
+    Otherwise no node's bound has grown by what it may since all turns were made last, and few turns follow the same vibration. A
+    barrier that is softer than what may come without any look cannot hide another one.
+    """
+    stiff = barrier > margins.barrier * (2.0 / watch[LIMIT]) ** 2
+    due = watch[PERIOD] >= STEPS_IN_A_PERIOD or watch[SINCE] >= STEPS_THAT_CALL_FOR_ALL_TURNS
+    return stiff or due or not ahead >= SHORT_WAIT_STEPS
+
+
+@leaf
+def more_room(watch, dt, margins):
+    """By how much more the barrier may stiffen where the step is shorter than the usual share of the limit [1/s^2].
+
+    The squares of the highest frequencies of two stiffnesses add up at most.
+    """
+    usual = (STEP_SHARE_OF_LIMIT * 2.0 / dt) ** 2 - (2.0 / watch[LIMIT]) ** 2
+    return max(0.0, (1.0 + margins.barrier) * usual) if margins.longest == LONGEST_STEP_SHARE else 0.0
 
 
 def gather(state, shared, actions, instant, dt, ledgers, samples, number):

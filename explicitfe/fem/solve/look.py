@@ -7,7 +7,7 @@ No mesh vibrates faster than omega with, over all nodes n and the elements e tha
 where omega_e is the highest frequency of an element by itself and m_e what it gives to the mass of the node: in Rayleigh's
 quotient u K u = sum_e u_e K_e u_e <= sum_e omega_e^2 m_e |u_e|^2, summed node by node (Irons & Treharne 1971 take the largest
 omega_e; but one element that is pressed flat between others is held back by their masses). An element vibrates fastest by
-changing its volume, so omega_e^2 follows the gradient of its volume, tr(cof F M cof F^T). A *scan* evaluates this bound at all
+changing its volume, so omega_e^2 follows the gradient of its volume (``element_bound.py``). A *scan* evaluates this bound at all
 nodes, now and a step on, for less than the price of a force. Only where it has grown, or after many steps, is the frequency
 itself sought, by Lanczos iteration.
 
@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 
 from explicitfe.fem.elements.hex8 import gradient
 from explicitfe.fem.forces.corners import add_corner_forces, element_modes
-from explicitfe.fem.materials.kinematics import cofactor
+from explicitfe.fem.solve.element_bound import volume_stiffness
 from explicitfe.fem.solve.restraint import hold
 from explicitfe.fem.solve.stable_step import STEP_SHARE_OF_LIMIT
 from explicitfe.platform.compiled.arrays import INTERVAL, LIMIT, LOWEST_LIMIT, PERIOD, SINCE, WAIT
@@ -40,8 +40,9 @@ STEPS_IN_A_PERIOD = 500
 # The highest frequency is sought before it can have grown so far that the step is this share of the limit, or by one of these
 # shares where that is less or more.
 SHARE_THAT_CALLS_FOR_A_LOOK = 0.93
-SMALLEST_GROWTH, LARGEST_GROWTH = 0.03, 0.06
+SMALLEST_GROWTH, LARGEST_GROWTH = 0.03, 0.15
 FEWEST_STEPS_BETWEEN_SCANS, MOST_STEPS_BETWEEN_LOOKS = 2, 100
+STEPS_THAT_CALL_FOR_ALL_TURNS = 200  # since the last look: stands for a call of the barrier
 MOST_STEPS_BETWEEN_SCANS = 25
 SHARE_OF_STEPS_AHEAD = 0.4
 LONGEST_INTERVAL_SHARE = 1.5  # of an interval between two scans: how long the next may be
@@ -288,20 +289,6 @@ def vector_of(tridiagonal, count, eigenvalue):
             largest = max(largest, abs(vector[k]))
         for k in range(count):
             vector[k] /= largest
-
-
-@leaf
-def volume_stiffness(F, shape):
-    """tr(cof F M cof F^T): the square of an element's own frequency [1/s^2] at a deformation gradient F."""
-    c = cofactor(F)
-    return along(c[0], c[1], c[2], shape) + along(c[3], c[4], c[5], shape) + along(c[6], c[7], c[8], shape)
-
-
-@leaf
-def along(x, y, z, shape):
-    """The quadratic form of M for one vector."""
-    both = x * (shape[3] * y + shape[4] * z) + shape[5] * (y * z)
-    return shape[0] * (x * x) + shape[1] * (y * y) + shape[2] * (z * z) + 2.0 * both
 
 
 def scan(state, part, looks, looker, nodes, dt):

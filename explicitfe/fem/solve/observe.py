@@ -9,7 +9,7 @@ import numpy as np
 
 from explicitfe.fem.elements import hex8
 from explicitfe.fem.model.model import Model
-from explicitfe.fem.solve.look import FEWEST_STEPS_BETWEEN_SCANS, MOST_STEPS_BETWEEN_LOOKS
+from explicitfe.fem.solve.look import FEWEST_STEPS_BETWEEN_SCANS, STEPS_THAT_CALL_FOR_ALL_TURNS
 from explicitfe.fem.solve.stable_step import own_frequencies
 from explicitfe.platform.compiled.arrays import (
     BONE_SUMS,
@@ -215,7 +215,7 @@ def lookers_of(parts: Sequence[Part], whole: Blocks, state: State, looks: Looks)
         before = forces[k - 1][part.first - parts[k - 1].first :] if k else looks.base[:0]
         shapes = zeros((len(part.blocks.nodes), SHAPE_NUMBERS, WIDTH))
         watch = np.zeros(WATCH)
-        watch[[SINCE, WAIT, INTERVAL]] = MOST_STEPS_BETWEEN_LOOKS, FEWEST_STEPS_BETWEEN_SCANS, FEWEST_STEPS_BETWEEN_SCANS
+        watch[[SINCE, WAIT, INTERVAL]] = STEPS_THAT_CALL_FOR_ALL_TURNS, FEWEST_STEPS_BETWEEN_SCANS, FEWEST_STEPS_BETWEEN_SCANS
         watch[[LIMIT, LOWEST_LIMIT, CEILING]] = np.inf
         others = shapes, state.v[rows], looks.shifted[rows], forces[k], before
         lookers.append(Looker(blocks, *others, np.zeros((4, TURNS_LATER)), watch))

@@ -18,6 +18,7 @@ from explicitfe.fem.mesh.hexmesh import MaterialPoints
 from explicitfe.fem.mesh.muscle_lines import locate_in_mesh
 from explicitfe.fem.model.fibre_stress import fibre_stress, outside_pull
 from explicitfe.fem.model.gravity import gravity_load
+from explicitfe.fem.model.interactive import let_volume_change, scale_mass
 from explicitfe.fem.model.model import FibrePull, FibreStress, Model, NodalLoad
 from explicitfe.fem.model.surface_contact import SurfaceContact
 from explicitfe.platform.errors import InputError, nearest, shortened
@@ -164,10 +165,12 @@ def assemble(scenario: TransientScenario, folder: Path) -> Assembly:
     if any(table.gravity_m_s2):
         weight = gravity_load(model.mesh, material, table.gravity_m_s2, model.inclusions, model.masses)
         model = replace(model, loads=(*model.loads, weight))
+    if table.speed == "interactive":
+        model = let_volume_change(model)
     effects = scenario.effects.chosen
     if table.damping.beta_s > 0.0:
         beta_s, tau_s = table.damping.beta_s, 1e-3 * table.damping.tau_ms
-        material, branch = from_damping(material, beta_s, tau_s)
+        material, branch = from_damping(model.material, beta_s, tau_s)
         parts = [replace(part, material=from_damping(part.material, beta_s, tau_s)[0]) for part in model.inclusions]
         if any(type(effect) is type(branch) for effect in effects):
             raise InputError("model.damping.beta_s is a viscoelastic branch; use either beta_s or effects.viscoelastic.")
@@ -180,6 +183,8 @@ def assemble(scenario: TransientScenario, folder: Path) -> Assembly:
                 "and activation-lag."
             )
         model = effect.apply(model)
+    if table.speed == "interactive":
+        model = scale_mass(model)
     model, displacement = with_release(model, scenario.release)
     return Assembly(model, anatomy, report, displacement)
 
@@ -201,6 +206,7 @@ def tongue_model(
     bones: Sequence[str] = (),
     alpha_per_s: float = 40.0,
     beta_s: float = 0.0,
+    speed: Literal["accurate", "interactive"] = "accurate",
 ) -> Model:
     """The built-in tongue with muscles that pull from time 0 on.
 
@@ -216,6 +222,7 @@ def tongue_model(
     bones : bones that the tongue may touch: "palate", "jaw".
     alpha_per_s : mass-proportional (Rayleigh) damping, 1/s.
     beta_s : stiffness-proportional damping, s; it acts on the shear of the tissue, through a Maxwell branch.
+    speed : "interactive" for steps that are several times as long, with errors of some 0.1 mm (fem/model/interactive.py).
 
     Returns
     -------
@@ -242,6 +249,7 @@ def tongue_model(
             material=material,
             attachment=attachment,
             damping=Damping(alpha_per_s=alpha_per_s, beta_s=beta_s),
+            speed=speed,
         ),
         muscle=[
             MuscleTable(name=name, force_N=force, distribution=distribution, direction=direction)

@@ -61,6 +61,11 @@ class ModelTable(MeshTable):
         "up to ten; for the whole run, at the force that force_N says",
     )
     gravity_m_s2: Vector = Field(default=(0.0, 0.0, 0.0), description="acceleration of gravity")
+    speed: Literal["accurate", "interactive"] = Field(
+        default="accurate",
+        description="interactive: a Poisson's ratio of 0.49 at most, and 3 % of the mass added where elements are smallest, for "
+        "steps that are several times as long",
+    )
 
     _built_in_key = "name"
 

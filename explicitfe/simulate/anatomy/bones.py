@@ -63,7 +63,7 @@ def _surface(
             hint = nearest(table.name, built_in) if built_in else "this model has no bones; give the surface with the key file."
             raise InputError(f'unknown bone "{table.name}"; {hint}')
         shape, what = built_in[table.name], f'bone "{table.name}"'
-        surface = shape.without_velum if not table.velum and shape.without_velum is not None else shape.surface
+        surface = shape.surface if table.is_whole or shape.hard is None else shape.hard
     else:
         assert table.length_unit is not None  # the schema has checked that it is given
         path = folder / table.file

@@ -26,6 +26,9 @@ class BoneTable(Table):
     velum: bool = Field(
         default=True, description="false: the built-in palate ends where the velum begins, which is then a [[body]]"
     )
+    side_walls: bool = Field(
+        default=True, description="false: the built-in pharynx is its posterior wall only, and its side walls are a [[body]]"
+    )
     with_jaw: bool | None = Field(
         default=None, description='whether it moves with the jaw; by default true for the bone "jaw" only'
     )
@@ -40,7 +43,14 @@ class BoneTable(Table):
             raise ValueError(f'"{self.name}" has no hard palate: hard_palate_mm belongs to the bone called "palate"')
         if not self.velum and (self.name != "palate" or self.file is not None):
             raise ValueError(f'"{self.name}" has no velum: velum = false belongs to the built-in bone "palate"')
+        if not self.side_walls and (self.name != "pharynx" or self.file is not None):
+            raise ValueError(f'"{self.name}" has no side walls: side_walls = false belongs to the built-in bone "pharynx"')
         return self
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether no body takes the place of its soft part."""
+        return self.velum and self.side_walls
 
     @property
     def moves_with_jaw(self) -> bool:

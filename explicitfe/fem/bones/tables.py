@@ -173,7 +173,7 @@ def _ring(right: np.ndarray) -> TriangleSurface:
 
 
 def _strip(count: int) -> np.ndarray:
-    """Triangles (count - 2, 3) between the first half of the points of a section and the second: it may be bent like a channel."""
+    """Triangles (count - 2, 3) between the first half of the points of a section and the second; it may be a channel."""
     first = np.arange((count - 1) // 2)
     last = count - 1 - first
     triangles = np.concatenate([np.column_stack([first, first + 1, last - 1]), np.column_stack([first, last - 1, last])])

@@ -15,7 +15,7 @@ from explicitfe.fem.mesh.triangles import corners_of, plane_segments, surface_tr
 from explicitfe.platform.errors import InputError
 from explicitfe.results.files import Recorded
 from explicitfe.results.files.airway_table import AirwayTable, WallTable
-from explicitfe.results.measure.bodies import SIDE_WALLS, body_surface, roof_of, tongue_of
+from explicitfe.results.measure.bodies import roof_of, tongue_of
 from explicitfe.results.measure.document import AirwayRegion
 from explicitfe.results.measure.sections import X, Z, middle
 from explicitfe.results.measure.tract import COLUMN_WIDTH_M, TOUCHING_GAP_M, SectionPlane, columns, crossings, palate_midline
@@ -97,7 +97,7 @@ def surroundings(result: Recorded, step: int, table: AirwayTable) -> Surrounding
     around = bounds_of_air(tongue, roof, jaw, table, middle(mesh), _palate_shift(result))
     if around is None:
         raise InputError(f'{result.path} has no airway, because its "{PALATE_BONE}" does not cross the midsagittal plane.')
-    return around._replace(outer=np.concatenate([around.outer, body_surface(result, step, SIDE_WALLS)]))
+    return around
 
 
 def bounds_of_air(

@@ -1,4 +1,4 @@
-"""The bodies of a result: the tongue, and a velum and side walls of the pharynx that make a vocal tract with it."""
+"""The bodies of a result: the tongue, and a velum that makes a vocal tract with it."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from explicitfe.fem.mesh.hexmesh import HexMesh
 from explicitfe.fem.mesh.triangles import corners_of, surface_triangles
 from explicitfe.results.files import Recorded
 
-VELUM, SIDE_WALLS = "velum", "pharynx-walls"  # as scenarios call these bodies
+VELUM = "velum"  # as scenarios call this body
 
 
 def tongue_of(result: Recorded, step: int) -> tuple[HexMesh, np.ndarray]:
@@ -31,17 +31,13 @@ def tongue_of(result: Recorded, step: int) -> tuple[HexMesh, np.ndarray]:
 
 def roof_of(result: Recorded, step: int, palate: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
     """Triangles (m, 3 corners, 3) m of the bone "palate", whose points and triangles are given, and of a velum at a step."""
-    return np.concatenate([corners_of(*palate), body_surface(result, step, VELUM)])
-
-
-def body_surface(result: Recorded, step: int, name: str) -> np.ndarray:
-    """Triangles (m, 3 corners, 3) m of a further body at a step; none where the scenario has no body of that name."""
-    if name not in _further(result):
-        return np.zeros((0, 3, 3))
+    corners = corners_of(*palate)
+    if VELUM not in _further(result):
+        return corners
     mesh = result.mesh
-    hexes = mesh.hexes[np.isin(mesh.hexes[:, 0], mesh.node_sets[name])]
-    triangles, _ = surface_triangles(HexMesh(mesh.points, hexes, {}, {}), mesh.points + result.displacement(step))
-    return triangles
+    hexes = mesh.hexes[np.isin(mesh.hexes[:, 0], mesh.node_sets[VELUM])]
+    velum, _ = surface_triangles(HexMesh(mesh.points, hexes, {}, {}), mesh.points + result.displacement(step))
+    return np.concatenate([corners, velum])
 
 
 def _further(result: Recorded) -> list[str]:

@@ -9,6 +9,9 @@ from pydantic import Field, model_validator
 from explicitfe.fem.inputs.table import Name, Table, Vector
 from explicitfe.simulate.scenario.profile import MotionTable
 
+# Built-in bones that have a part whose place a [[body]] can take, and the key that leaves it out where it is false.
+SOFT_PARTS = {"palate": "velum", "pharynx": "side_walls"}
+
 
 class BoneTable(Table):
     """A rigid surface that the body can rest on: one that a built-in model brings, or a closed surface of triangles in a file."""
@@ -41,10 +44,10 @@ class BoneTable(Table):
             raise ValueError(f'"{self.name}" cannot be a name in a result file: give one of letters and digits, without "/"')
         if self.hard_palate_mm is not None and self.name != "palate":
             raise ValueError(f'"{self.name}" has no hard palate: hard_palate_mm belongs to the bone called "palate"')
-        if not self.velum and (self.name != "palate" or self.file is not None):
-            raise ValueError(f'"{self.name}" has no velum: velum = false belongs to the built-in bone "palate"')
-        if not self.side_walls and (self.name != "pharynx" or self.file is not None):
-            raise ValueError(f'"{self.name}" has no side walls: side_walls = false belongs to the built-in bone "pharynx"')
+        for owner, key in SOFT_PARTS.items():
+            if not getattr(self, key) and (self.name != owner or self.file is not None):
+                part = key.replace("_", " ")
+                raise ValueError(f'"{self.name}" has no {part}: {key} = false belongs to the built-in bone "{owner}"')
         return self
 
     @property

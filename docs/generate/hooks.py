@@ -30,7 +30,10 @@ GENERATED = {
     "reference/result-keys.md": result_page,
     "reference/python.md": python_page,
 }
-FROM_THE_TOP = ("models/tongue/SOURCES.md", "models/velum/SOURCES.md", "models/specimen/SOURCES.md", "CHANGELOG.md")
+FROM_THE_TOP = (
+    *(f"models/{name}/SOURCES.md" for name in ("tongue", "velum", "pharynx-walls", "specimen")),
+    "CHANGELOG.md",
+)
 GLOSSARY = "explanation/glossary.md"
 _CODE = re.compile(r"(^```.*?^```$|`[^`\n]+`)", re.M | re.S)
 _FORMULA = re.compile(r"^\$\$(.+?)\$\$$", re.M | re.S)

@@ -81,7 +81,7 @@ def test_a_plate_rests_on_a_block(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("changed", "sentence"),
     [
-        ({"height": 19.0}, "two bodies overlap at rest: .* 1 mm deep .*; move them apart"),
+        ({"height": 19.0}, r'two bodies overlap \("plate"\) at rest: .* 1 mm deep .*; move them apart'),
         ({"fixed": "[]"}, 'body "plate" is held by nothing; name node sets of it in fixed'),
         ({"fixed": '["x9"]'}, 'body "plate": fixed: unknown node set "x9"; did you mean'),
         ({"law": "yeoh", "C20": ", C20_Pa = 100.0"}, 'body "plate": its material is of another law than that of .model.'),
@@ -100,14 +100,46 @@ def test_what_is_refused(tmp_path: Path, changed: dict[str, object], sentence: s
 def test_only_the_built_in_palate_has_a_velum() -> None:
     """It ends where the body of that name begins; no other bone can be cut so."""
     shape = catalogue.bones("tongue")["palate"]
-    assert shape.without_velum is not None
-    assert shape.without_velum.points[:, 0].max() == pytest.approx(0.103)
+    assert shape.hard is not None
+    assert shape.hard.points[:, 0].max() == pytest.approx(0.103)
     assert shape.surface.points[:, 0].max() == pytest.approx(0.134)
     velum = catalogue.built_in("velum").mesh
     assert velum.points[velum.node_sets["hard-palate"], 0] == pytest.approx(0.103)
     for table in ({"name": "jaw"}, {"name": "palate", "file": "palate.stl", "length_unit": "mm"}):
         with pytest.raises(ValidationError, match="has no velum: velum = false belongs to the built-in bone"):
             BoneTable.model_validate({**table, "velum": False})
+    with pytest.raises(ValidationError, match=r'"palate" has no side walls: side_walls = false belongs to .* "pharynx"'):
+        BoneTable.model_validate({"name": "palate", "side_walls": False})
+
+
+WITH_WALLS = """title = "A tongue between soft walls"
+[model]
+name = "{tongue}"
+resolution = "coarse"
+[[bone]]
+name = "pharynx"
+side_walls = {rigid}
+[[body]]
+name = "pharynx-walls"
+model = "pharynx-walls"
+[analysis]
+duration_ms = 1.0
+"""
+
+
+def test_side_walls_take_the_place_of_those_of_the_bone(tmp_path: Path) -> None:
+    """The bone is its posterior wall; where it keeps its side walls, or a tongue is as wide, a sentence says what to do."""
+    model = assembled(tmp_path, WITH_WALLS.format(tongue="tongue", rigid="false"))
+    walls = model.mesh.node_sets["pharynx-walls"]
+    (bone,) = model.bones
+    assert bone.field.at(model.mesh.points[walls])[0].min() > -5e-4
+    assert model.held[model.mesh.node_sets["pharynx-walls.outer"]].all() and not model.held[walls].all()
+    with pytest.raises(InputError, match=r'bone "pharynx" \(side_walls = false makes room for a \[\[body\]\]\): the body starts'):
+        assembled(tmp_path, WITH_WALLS.format(tongue="tongue", rigid="true"))
+    path = tmp_path / "wide.toml"
+    path.write_text(WITH_WALLS.format(tongue="tongue-1", rigid="false"), encoding="utf-8")
+    with pytest.raises(InputError, match=r'two bodies overlap \("pharynx-walls"\) at rest: .* move them apart'):
+        explicitfe.run(path, tmp_path / "out")
 
 
 WITH_VELUM = """title = "A tongue with a soft palate"

@@ -24,6 +24,7 @@ from explicitfe.results.measure.measure import measures_of
 from explicitfe.results.measure.sections import X, Y, Z, midsagittal, section, station
 from explicitfe.results.measure.steps import last_step, step_at
 from explicitfe.results.measure.tract import crossings
+from explicitfe.simulate.run.crossings import CROSSING_WARNING_M
 from explicitfe.simulate.run.prepare import prepare
 from explicitfe.simulate.scenario.read import read_scenario
 from explicitfe.simulate.scenario.transient import TransientScenario
@@ -41,6 +42,7 @@ MESH_DIFFERENCE_MM = {
     "vowel-i-palatal": 0.42,
     "vowel-e": 0.24,
     "vowel-a": 0.58,
+    "vowel-a-soft": 0.44,  # more slip of the root on the coarse faces of both bodies
     "vowel-o": 0.73,
     "vowel-u": 0.87,
     "alveolar-t": 0.1,  # at rest again
@@ -198,7 +200,8 @@ def test_a_gesture_is_sound(name, ran, record_property):
     assert summary["energy_balance_error"] < 1e-3
     assert summary["folded"]["elements"] <= FOLDED.get(name, 0) and summary["folded"]["undecided"] == 0
     assert done.depth_mm() < DEEPEST_MM
-    assert done.measures.body.self_penetration.nodes == 0
+    through = done.measures.body.self_penetration
+    assert through.nodes == 0 or (done.model.surfaces is not None and through.deepest_mm < 1e3 * CROSSING_WARNING_M)
     if not done.scenario.resection:
         assert done.measures.body.left_right_mm is not None and done.measures.body.left_right_mm < 1e-6
 
@@ -395,6 +398,28 @@ def test_the_levator_lowers_the_velum_and_lifts_it_again(ran):
     uvula = low.points["velum.uvula"]
     assert -8.5 < uvula.up_mm < -7.0 and 3.0 < uvula.forward_mm < 5.0
     assert abs(done.measures.points["velum.uvula"].up_mm) < TOLERANCE_MM
+
+
+def test_soft_walls_of_the_pharynx_give_way_to_the_root(ran):
+    """Outwards, by one to three millimetres, alike on both sides; the root goes further back, and formants stay."""
+    soft, rigid = ran("vowel-a-soft"), ran("vowel-a")
+    mesh, u = soft.model.mesh, soft.displacement
+    walls = mesh.node_sets["pharynx-walls"]
+    outwards = 1e3 * u[walls, Y] * np.sign(mesh.points[walls, Y])
+    assert 1.0 < outwards.max() < 3.0 and outwards.min() > -1.0
+    right, left = (soft.measures.points[f"pharynx-walls.{side}"] for side in ("right", "left"))
+    assert abs(right.up_mm - left.up_mm) < 1e-6 and abs(right.forward_mm - left.forward_mm) < 1e-6
+    held = np.concatenate([mesh.node_sets[f"pharynx-walls.{name}"] for name in ("outer", "rear")])
+    assert not u[held].any()
+    with open_result(soft.result) as result:
+        pressure = result.field("surface_pressure", len(result.times) - 1)
+    on_walls = np.isin(np.arange(mesh.node_count), walls)
+    shares = [float((pressure * surface_areas(mesh))[side].sum()) for side in (on_walls, ~on_walls)]
+    assert shares[0] == pytest.approx(shares[1], rel=1e-9) and 0.6 < shares[0] < 1.2
+    assert pressure.max() < 6000.0
+    for point in ("dorsum", "back"):
+        assert -0.5 < soft.forward(point) - rigid.forward(point) < -0.05
+    assert soft.measures.contact["pharynx"].force_N < rigid.measures.contact["pharynx"].force_N
 
 
 def test_without_ggm_sl_closes_nothing_and_leaves_the_dorsum_high(ran):

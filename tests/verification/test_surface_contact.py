@@ -197,7 +197,9 @@ def test_a_strip_that_is_bent_onto_itself_stays_outside_of_itself() -> None:
 
 def test_bodies_that_overlap_at_rest_are_refused() -> None:
     mesh = two_blocks(gap_m=-5e-4)
-    with pytest.raises(InputError, match=r"two bodies overlap at rest: .* 0\.5 mm deep .*move them apart"):
+    with pytest.raises(
+        InputError, match=r'two bodies overlap \("lower" and "upper"\) at rest: .* 0\.5 mm deep .*move them apart'
+    ):
         Simulation(Model(mesh, SOFT, free(mesh), surfaces=SurfaceContact()))
     with pytest.raises(InputError, match="friction"):
         SurfaceContact(friction=-1.0)

@@ -90,8 +90,8 @@ def test_the_palate_is_thin_and_its_underside_the_stored_one(mouth):
 def test_teeth_are_shifted_with_their_bone(model):
     shift = np.array([0.002, -0.001, 0.003])
     bones = catalogue.bones(model)
-    assert bones["palate"].without_velum is not None
-    for name, surface in (("palate", bones["palate"].without_velum), ("jaw", bones["jaw"].surface)):
+    assert bones["palate"].hard is not None
+    for name, surface in (("palate", bones["palate"].hard), ("jaw", bones["jaw"].surface)):
         stated = {"model": {"airway": {}}, "bones": {name: StoredBone(surface.points, surface.triangles)}}
         moved = stated | {"bones": {name: StoredBone(surface.points + shift, surface.triangles)}}
         at_rest, shifted = (teeth_of(SimpleNamespace(**given))[name].points for given in (stated, moved))

@@ -40,7 +40,6 @@ EDGE_SIGN = {"palate": -1.0, "jaw": 1.0}
 # Thickness of the drawn palate. Above the teeth it reaches so far above their edge in front, up to where the velum begins.
 PALATE_MM, ALVEOLAR_MM = 7.0, 17.0
 VELUM_BEHIND_FRONT_MM, VELUM_BEGINS_OVER_MM = 46.0, 14.0
-MOST_NEIGHBOURS = 20  # Of a point of a bone that does not close its end.
 # Sections of a bone stand on the vertical axis so far behind its front, at angles from the front to each side.
 AXIS_BEHIND_FRONT_MM, LARGEST_ANGLE_DEG, SECTIONS_OF_ARCH = 45.0, 96.0, 49
 # Depths below the edge at which a section is read, mm.
@@ -97,12 +96,6 @@ def thin_palate(bone: StoredBone) -> StoredBone:
     alveolar = z[x < front + 1.0].min() + ALVEOLAR_MM
     thickness = np.maximum(PALATE_MM, before_velum * (alveolar - underside))
     return bone._replace(points=1e-3 * np.column_stack([x, y, np.minimum(z, underside + thickness)]))
-
-
-def without_ends(bone: StoredBone) -> StoredBone:
-    """A tube without the faces that close its ends: they meet in one point each, which hides a part of a hollow section."""
-    neighbours = np.bincount(bone.triangles.ravel(), minlength=len(bone.points))
-    return bone._replace(triangles=bone.triangles[(neighbours[bone.triangles] < MOST_NEIGHBOURS).all(axis=1)])
 
 
 def _is_built_in(result: Result, name: str) -> bool:

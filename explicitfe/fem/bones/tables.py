@@ -32,7 +32,8 @@ class BoneShape:
     surface : at rest.
     hinge_m : (3,) m. A point of the axis, parallel to y, about which it turns; None for a bone that does not.
     incisor_m : (3,) m. The edge of its incisors, whose way down is the opening of the mouth; None for a bone that does not turn.
-    without_velum : the surface of a palate up to where the velum begins; None for another bone.
+    hard : what is left of the surface where a body takes the place of its soft part: of a palate up to where the velum begins, of
+        a pharynx without side walls; None for another bone.
     """
 
     name: str
@@ -40,7 +41,7 @@ class BoneShape:
     surface: TriangleSurface
     hinge_m: np.ndarray | None = None
     incisor_m: np.ndarray | None = None
-    without_velum: TriangleSurface | None = None
+    hard: TriangleSurface | None = None
 
 
 def read_bones(path: Path) -> dict[str, BoneShape]:
@@ -129,10 +130,11 @@ def arch(table: BoneTable) -> TriangleSurface:
     return _ring(1e-3 * np.stack([x, y, section[:, :, 1]], axis=-1))
 
 
-def channel(table: BoneTable) -> TriangleSurface:
+def channel(table: BoneTable, sides: bool = True) -> TriangleSurface:
     """A solid around a channel that is open in front: a back wall x(z, |y|), and side walls that run forwards from its edges.
 
-    ``table`` holds height_mm (k,), half_width_mm (k,), y_mm (l,) from 0, back_mm (k, l), side_front_mm, thickness_mm.
+    ``table`` holds height_mm (k,), half_width_mm (k,), y_mm (l,) from 0, back_mm (k, l), side_front_mm, thickness_mm. Without
+    ``sides`` it is the back wall alone.
     """
     height_mm, y_mm = _row(table, "height_mm"), _row(table, "y_mm")
     back = _table(table, "back_mm", (len(height_mm), len(y_mm)))
@@ -146,33 +148,40 @@ def channel(table: BoneTable) -> TriangleSurface:
     wall = scipy.interpolate.PchipInterpolator(height_mm, even(np.minimum(y, y_mm[-1]).ravel()), axis=0)(z)
     x = wall.reshape(len(z), *y.shape)[np.arange(len(z)), np.arange(len(z))]
     side = np.linspace(x[:, -1], front, int(np.ceil((x[:, -1].max() - front) / _MESH_MM)) + 1, axis=1)[:, 1:]
-    inner = np.hstack([x, side]), np.hstack([y, np.repeat(width[:, None], side.shape[1], axis=1)])
+    behind = np.repeat(x.max(axis=1, keepdims=True) + thickness, len(share), axis=1)
     # The outside runs back along the side and behind the wall, to the midsagittal plane.
-    behind = x.max(axis=1, keepdims=True) + thickness
-    far = (width + thickness)[:, None]
-    outer = (
-        np.hstack([side[:, ::-1], behind, np.repeat(behind, len(share), axis=1)]),
-        np.hstack([np.repeat(far, side.shape[1], axis=1), far, y[:, ::-1]]),
-    )
-    heights = np.repeat(z[:, None], inner[0].shape[1] + outer[0].shape[1], axis=1)
-    half = np.stack([np.hstack([inner[0], outer[0]]), np.hstack([inner[1], outer[1]]), heights], axis=-1)
-    return _tube(1e-3 * half)
+    around_x, around_y = [x, behind], [y, y[:, ::-1]]
+    if sides:
+        near = np.repeat(width[:, None], side.shape[1], axis=1)
+        around_x[1:1] = [side, side[:, ::-1], behind[:, :1]]
+        around_y[1:1] = [near, near + thickness, near[:, :1] + thickness]
+    half_x, half_y = np.hstack(around_x), np.hstack(around_y)
+    return _tube(1e-3 * np.stack([half_x, half_y, np.repeat(z[:, None], half_x.shape[1], axis=1)], axis=-1))
 
 
 def _tube(half: np.ndarray) -> TriangleSurface:
     """A closed surface from sections (k, m, 3) of its right half, whose first and last point lie in the midsagittal plane."""
     whole = np.concatenate([half, half[:, -2:0:-1] * np.array([1.0, -1.0, 1.0])], axis=1)
-    return _closed(whole, half[[0, -1]].mean(axis=1) * np.array([1.0, 0.0, 1.0]))
+    right = _strip(half.shape[1])
+    return _closed(whole, np.concatenate([right, -right[:, ::-1] % whole.shape[1]]))
 
 
 def _ring(right: np.ndarray) -> TriangleSurface:
     """A closed surface from the sections (k, m, 3) of its right half, the first of which lies in the midsagittal plane."""
     whole = np.concatenate([right[:0:-1] * np.array([1.0, -1.0, 1.0]), right])
-    return _closed(whole, whole[[0, -1]].mean(axis=1))
+    return _closed(whole, _strip(right.shape[1]))
 
 
-def _closed(sections: np.ndarray, ends: np.ndarray) -> TriangleSurface:
-    """Sections (k, m, 3) joined by a skin, and capped around a point in each end section, (2, 3); normals outwards."""
+def _strip(count: int) -> np.ndarray:
+    """Triangles (count - 2, 3) between the first half of the points of a section and the second; it may be a channel."""
+    first = np.arange((count - 1) // 2)
+    last = count - 1 - first
+    triangles = np.concatenate([np.column_stack([first, first + 1, last - 1]), np.column_stack([first, last - 1, last])])
+    return triangles[(triangles[:, 0] < triangles[:, 1]) & (triangles[:, 1] < triangles[:, 2])]
+
+
+def _closed(sections: np.ndarray, cap: np.ndarray) -> TriangleSurface:
+    """Sections (k, m, 3) joined by a skin, and closed by triangles of the points of both end sections; normals outwards."""
     k, m, _ = sections.shape
     number = np.arange(k * m).reshape(k, m)
     after = np.roll(number, -1, axis=1)
@@ -183,12 +192,8 @@ def _closed(sections: np.ndarray, ends: np.ndarray) -> TriangleSurface:
     middles = 0.25 * ((points[quads[:, 0]] + points[quads[:, 1]]) + (points[quads[:, 2]] + points[quads[:, 3]]))
     centre = len(points) + np.arange(len(quads))
     skin = [np.column_stack([quads[:, i], quads[:, (i + 1) % 4], centre]) for i in range(4)]
-    last = len(points) + len(quads)
-    caps = [
-        np.column_stack([after[0], number[0], np.full(m, last)]),
-        np.column_stack([number[-1], after[-1], np.full(m, last + 1)]),
-    ]
-    points = np.concatenate([points, middles, ends])
+    caps = [number[0][cap[:, ::-1]], number[-1][cap]]
+    points = np.concatenate([points, middles])
     surface = TriangleSurface(points, np.concatenate([*skin, *caps]).astype(np.int64))
     return surface if surface.volume_m3 > 0.0 else TriangleSurface(points, surface.triangles[:, ::-1].copy())
 

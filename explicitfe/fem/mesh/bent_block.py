@@ -3,7 +3,8 @@
 ``ContourMap`` maps material coordinates (s, t, w) to the reference shape; the formula stands at the top of
 ``models/tongue/geometry.toml``. A structured mesh of the block has no bad element at any resolution and is exactly its
 own mirror image, which a mesh of a real tongue is not; and what is said in (s, t, w), such as a muscle fibre, holds for
-every resolution.
+every resolution. Where a file gives the half width of an inner surface too, the block is two halves that are each other's
+mirror images, such as the side walls of the pharynx.
 """
 
 from __future__ import annotations
@@ -66,6 +67,7 @@ class ContourMap:
     attachments : name -> patches of the surface held by a bone.
     fixed : names of the attachments that are held unless a scenario says otherwise.
     based_on : the built-in model that has the files that this one lacks, such as its muscles; "" if it has all.
+    inner_half_width : (k, l) m. Where the inner surfaces of two halves that are apart stand; None for one body.
     """
 
     s: np.ndarray
@@ -83,6 +85,7 @@ class ContourMap:
     attachments: dict[str, tuple[Patch, ...]]
     fixed: tuple[str, ...]
     based_on: str = ""
+    inner_half_width: np.ndarray | None = None
 
     @classmethod
     def from_toml(cls, path: Path | str) -> ContourMap:
@@ -104,13 +107,11 @@ class ContourMap:
     @classmethod
     def from_tables(cls, tables: Mapping[str, Any], where: str) -> ContourMap:
         """The map from the parsed tables of a geometry file; ``where`` names the file in messages."""
-        _known(
-            tables, ("fixed", "axes", "contour", "half_width", "resolutions", "named_points", "attachments"), where, ("based_on",)
-        )
+        required = ("fixed", "axes", "contour", "half_width", "resolutions", "named_points", "attachments")
+        _known(tables, required, where, ("based_on", "inner_half_width"))
         axes, contour = tables["axes"], tables["contour"]
         _known(axes, _AXIS_NAMES, f"{where}: axes")
-        _known(contour, ("lower_mm", "upper_mm", "bow_mm", "drop_mm", "rise_mm", "sweep_mm"), f"{where}: contour")
-        _known(tables["half_width"], ("mm",), f"{where}: half_width")
+        _known(contour, ("lower_mm", "upper_mm"), f"{where}: contour", ("bow_mm", "drop_mm", "rise_mm", "sweep_mm"))
         s = _axis(axes["s"], f"{where}: axes.s")
         t, w = (_axis(axes[name], f"{where}: axes.{name}") for name in "tw")
         for name in tables["fixed"]:
@@ -118,7 +119,11 @@ class ContourMap:
                 raise InputError(f'{where}: fixed names no attachment "{name}"; {nearest(str(name), tables["attachments"])}')
 
         def column(name: str, *shape: int) -> np.ndarray:
-            return _numbers(contour[name], (len(s), *shape), f"{where}: contour.{name}")
+            return _numbers(contour.get(name, np.zeros((len(s), *shape))), (len(s), *shape), f"{where}: contour.{name}")
+
+        def widths(name: str) -> np.ndarray:
+            _known(tables[name], ("mm",), f"{where}: {name}")
+            return 1e-3 * _numbers(tables[name]["mm"], (len(s), len(t)), f"{where}: {name}.mm")
 
         return cls(
             s=s,
@@ -130,7 +135,8 @@ class ContourMap:
             drop=1e-3 * column("drop_mm", len(w)),
             rise=1e-3 * column("rise_mm", len(w)),
             sweep=1e-3 * column("sweep_mm", len(w)),
-            half_width=1e-3 * _numbers(tables["half_width"]["mm"], (len(s), len(t)), f"{where}: half_width.mm"),
+            half_width=widths("half_width"),
+            inner_half_width=widths("inner_half_width") if "inner_half_width" in tables else None,
             resolutions={
                 name: check_cells(cells, f"{where}: resolutions.{name}") for name, cells in tables["resolutions"].items()
             },
@@ -152,8 +158,10 @@ class ContourMap:
         return scipy.interpolate.CubicSpline(self.s, np.column_stack([self.lower, self.upper, self.bow]))
 
     @cached_property
-    def _width_spline(self) -> scipy.interpolate.RectBivariateSpline:
-        return scipy.interpolate.RectBivariateSpline(self.s, self.t, self.half_width, kx=3, ky=3, s=0)
+    def _width_splines(self) -> tuple[scipy.interpolate.RectBivariateSpline, ...]:
+        """(s, t) -> half width, and that of the inner surface of two halves."""
+        tables = [self.half_width] if self.inner_half_width is None else [self.half_width, self.inner_half_width]
+        return tuple(scipy.interpolate.RectBivariateSpline(self.s, self.t, table, kx=3, ky=3, s=0) for table in tables)
 
     @cached_property
     def _side_splines(self) -> tuple[scipy.interpolate.RectBivariateSpline, ...]:
@@ -165,10 +173,13 @@ class ContourMap:
         )
 
     def _place(self, s: np.ndarray, t: np.ndarray, w: np.ndarray) -> np.ndarray:
-        """Positions (..., 3), m, for arrays that broadcast. x and z depend on |w| only, bit for bit, and y is odd."""
+        """Positions (..., 3), m, for arrays that broadcast. x and z depend on |w| only, bit for bit, and y is odd.
+
+        Of two halves that are apart, w = 0.0 is the inner surface of the right one, and -0.0 that of the left one.
+        """
         table = np.moveaxis(self._contour_spline(s), -1, 0)
         lower, upper, bow = table[0:2], table[2:4], table[4]
-        width = self._width_spline.ev(*np.broadcast_arrays(s, t))
+        width, *inner = (spline.ev(*np.broadcast_arrays(s, t)) for spline in self._width_splines)
         drop, rise, sweep = (spline.ev(*np.broadcast_arrays(s, np.abs(w))) for spline in self._side_splines)
         chord = upper - lower
         length = np.sqrt(chord[0] * chord[0] + chord[1] * chord[1])
@@ -176,7 +187,8 @@ class ContourMap:
         across = (4.0 * t * (1.0 - t) * bow - sweep) / length
         x = lower[0] + along * chord[0] - across * chord[1]
         z = lower[1] + along * chord[1] + across * chord[0]
-        return np.stack(np.broadcast_arrays(x, w * width, z), axis=-1)
+        y = w * width + sum(np.copysign((1.0 - np.abs(w)) * half, w) for half in inner)
+        return np.stack(np.broadcast_arrays(x, y, z), axis=-1)
 
     def position(self, stw: np.ndarray) -> np.ndarray:
         """Reference positions (..., 3), m, of the points (s, t, w) (..., 3) of the smooth shape."""
@@ -202,14 +214,17 @@ class ContourMap:
         ns, nt, nw = check_cells(cells)
         s, t, w = (np.arange(n + 1) / n for n in (ns, nt, nw // 2))
         right = self._place(s[:, None, None], t[None, None, :], w[None, :, None])
-        left = right[:, :0:-1] * np.array([1.0, -1.0, 1.0])
-        points = np.concatenate([left, right], axis=1)
+        apart = right if self.inner_half_width is not None else right[:, 1:]  # one body has its middle nodes once
+        points = np.concatenate([apart[:, ::-1] * np.array([1.0, -1.0, 1.0]), right], axis=1)
 
-        number = np.arange((ns + 1) * (nw + 1) * (nt + 1)).reshape(ns + 1, nw + 1, nt + 1)
+        number = np.arange(points[..., 0].size).reshape(points.shape[:3])
+        halves = number[:, : len(w)], number[:, -len(w) :]
+        hexes = [grid_hexes(half).reshape(ns, -1, nt, 8) for half in halves]
+        sides = halves[0][:, ::-1], halves[1]
         return HexMesh(
             points=points.reshape(-1, 3),
-            hexes=grid_hexes(number),
-            node_sets={name: _patch_nodes(patches, number) for name, patches in self.attachments.items()},
+            hexes=np.concatenate(hexes, axis=1).reshape(-1, 8),
+            node_sets={name: _patch_nodes(patches, sides) for name, patches in self.attachments.items()},
             named_points={name: self.locate([point], cells) for name, point in self.named_points.items()},
         )
 
@@ -217,7 +232,8 @@ class ContourMap:
         """The points (s, t, w), (k, 3), in the mesh with these cells: straight from the grid, without a search.
 
         Their position is that in the mesh, not on the smooth shape: the two differ by what the mesh flattens.
-        A point on a face between elements goes to the one with the larger s, t or w.
+        A point on a face between elements goes to the one with the larger s, t or w; of two halves that are apart, w = -0.0 is
+        in the left one.
 
         Raises
         ------
@@ -235,9 +251,12 @@ class ContourMap:
         count = np.array([ns, nw, nt])
         grid = np.column_stack([stw[:, 0], 0.5 * (stw[:, 2] + 1.0), stw[:, 1]]) * count
         cell = np.clip(np.floor(grid).astype(np.int64), 0, count - 1)
+        if self.inner_half_width is not None:
+            cell[:, 1] -= (stw[:, 2] == 0.0) & np.signbit(stw[:, 2])
         natural = 2.0 * (grid - cell) - 1.0
         corner = (cell[:, None, :] + (CORNERS > 0.0)) / count
-        corners = self._place(corner[..., 0], corner[..., 2], 2.0 * corner[..., 1] - 1.0)
+        side = np.where(cell[:, 1:2] < nw // 2, -1.0, 1.0)
+        corners = self._place(corner[..., 0], corner[..., 2], np.copysign(2.0 * corner[..., 1] - 1.0, side))
         return MaterialPoints(
             element=(cell[:, 0] * nw + cell[:, 1]) * nt + cell[:, 2],
             natural=natural,
@@ -329,10 +348,9 @@ def _cuts(low: float, high: float, n: int) -> np.ndarray:
     return np.column_stack([ends[:-1], ends[1:]])
 
 
-def _patch_nodes(patches: Sequence[Patch], number: np.ndarray) -> np.ndarray:
-    """Sorted nodes of the patches, on both sides, in the grid of node numbers (ns + 1, nw + 1, nt + 1)."""
-    ns, nw, nt = (n - 1 for n in number.shape)
-    middle = nw // 2
+def _patch_nodes(patches: Sequence[Patch], sides: Sequence[np.ndarray]) -> np.ndarray:
+    """Sorted nodes of the patches in the grids of node numbers (ns + 1, nw / 2 + 1, nt + 1) of both sides, from the middle on."""
+    ns, middle, nt = (n - 1 for n in sides[0].shape)
     nodes = []
     for patch in patches:
         ranges = []
@@ -345,7 +363,7 @@ def _patch_nodes(patches: Sequence[Patch], number: np.ndarray) -> np.ndarray:
                 first, last = (first, last + 1) if last < n else (first - 1, last)
             ranges.append(np.arange(first, last + 1))
         s, t, side = ranges
-        nodes += [number[np.ix_(s, middle + sign * side, t)].ravel() for sign in (1, -1)]
+        nodes += [number[np.ix_(s, side, t)].ravel() for number in sides]
     return np.unique(np.concatenate(nodes))
 
 

@@ -142,11 +142,19 @@ def _check_apart(mesh: HexMesh, nodes: np.ndarray, surfaces: Surfaces) -> None:
     deepest = int(np.argmax(surfaces.out[:count, 3]))
     node, other = (nodes[surfaces.face[faces[deepest], 0]] for faces in (touching, touched))
     part = _bodies(mesh)
-    who = "two bodies overlap" if part[node] != part[other] else "the surface passes through itself"
+    who = "the surface passes through itself"
+    if part[node] != part[other]:
+        names = [f'"{name}"' for name in (_name_of(mesh, part == part[one]) for one in (node, other)) if name]
+        who = f"two bodies overlap ({' and '.join(names)})" if names else "two bodies overlap"
     raise InputError(
         f"{who} at rest: {count} points of the surfaces lie inside, the deepest {1e3 * surfaces.out[deepest, 3]:.2g} mm deep at "
         f"{in_mm(mesh.points[node])}; move them apart."
     )
+
+
+def _name_of(mesh: HexMesh, of_body: np.ndarray) -> str:
+    """A node set with all nodes of a body, which ``of_body`` (n,) marks; "" for none."""
+    return next((name for name, members in mesh.node_sets.items() if of_body[members].sum() == of_body.sum()), "")
 
 
 _touching_at = kernel(find_touching_at_rest)

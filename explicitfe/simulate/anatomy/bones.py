@@ -19,7 +19,7 @@ from explicitfe.fem.mesh.triangles import triangle_distance
 from explicitfe.fem.model.model import Attachment, Bone, FibrePull
 from explicitfe.platform.errors import InputError, nearest
 from explicitfe.simulate.anatomy import catalogue
-from explicitfe.simulate.scenario.bones import GLIDE_MM_PER_DEG, BoneTable, HyoidTable, JawTable
+from explicitfe.simulate.scenario.bones import GLIDE_MM_PER_DEG, SOFT_PARTS, BoneTable, HyoidTable, JawTable
 from explicitfe.simulate.scenario.transient import ModelTable, TransientScenario
 
 # Of the ties between tissue and bone [Pa/m], as stiff as contact: under the 10 kPa of a strong muscle's origin they give way by
@@ -47,7 +47,7 @@ def bones_of(scenario: TransientScenario, mesh: HexMesh, folder: Path) -> tuple[
     return tuple(
         Bone(
             table.name,
-            *_surface(table, built_in, folder, surface_points),
+            *_surface(table, built_in, folder, surface_points, bool(scenario.body)),
             motion=motion if table.moves_with_jaw else None,
             friction=table.friction,
         )
@@ -56,14 +56,16 @@ def bones_of(scenario: TransientScenario, mesh: HexMesh, folder: Path) -> tuple[
 
 
 def _surface(
-    table: BoneTable, built_in: dict[str, BoneShape], folder: Path, body_points: np.ndarray
+    table: BoneTable, built_in: dict[str, BoneShape], folder: Path, body_points: np.ndarray, has_bodies: bool
 ) -> tuple[DistanceField, TriangleSurface]:
     if table.file is None:
         if table.name not in built_in:
             hint = nearest(table.name, built_in) if built_in else "this model has no bones; give the surface with the key file."
             raise InputError(f'unknown bone "{table.name}"; {hint}')
         shape, what = built_in[table.name], f'bone "{table.name}"'
-        surface = shape.without_velum if not table.velum and shape.without_velum is not None else shape.surface
+        surface = shape.surface if table.is_whole or shape.hard is None else shape.hard
+        if surface is not shape.hard and shape.hard is not None and has_bodies:
+            what += f" ({SOFT_PARTS[table.name]} = false makes room for a [[body]])"
     else:
         assert table.length_unit is not None  # the schema has checked that it is given
         path = folder / table.file

@@ -100,7 +100,7 @@ def _bones(path: Path | None, text: str, wall: str) -> dict[str, BoneShape]:
     shapes = {} if path is None else read_bones(path)
     if wall:
         table = json.loads(wall)
-        shapes["pharynx"] = BoneShape("pharynx", table["title"], channel(table))
+        shapes["pharynx"] = BoneShape("pharynx", table["title"], channel(table), hard=channel(table, sides=False))
     return shapes
 
 

@@ -9,6 +9,9 @@ from pydantic import Field, model_validator
 from explicitfe.fem.inputs.table import Name, Table, Vector
 from explicitfe.simulate.scenario.profile import MotionTable
 
+# Built-in bones that have a part whose place a [[body]] can take, and the key that leaves it out where it is false.
+SOFT_PARTS = {"palate": "velum", "pharynx": "side_walls"}
+
 
 class BoneTable(Table):
     """A rigid surface that the body can rest on: one that a built-in model brings, or a closed surface of triangles in a file."""
@@ -26,6 +29,9 @@ class BoneTable(Table):
     velum: bool = Field(
         default=True, description="false: the built-in palate ends where the velum begins, which is then a [[body]]"
     )
+    side_walls: bool = Field(
+        default=True, description="false: the built-in pharynx is its posterior wall only, and its side walls are a [[body]]"
+    )
     with_jaw: bool | None = Field(
         default=None, description='whether it moves with the jaw; by default true for the bone "jaw" only'
     )
@@ -38,9 +44,16 @@ class BoneTable(Table):
             raise ValueError(f'"{self.name}" cannot be a name in a result file: give one of letters and digits, without "/"')
         if self.hard_palate_mm is not None and self.name != "palate":
             raise ValueError(f'"{self.name}" has no hard palate: hard_palate_mm belongs to the bone called "palate"')
-        if not self.velum and (self.name != "palate" or self.file is not None):
-            raise ValueError(f'"{self.name}" has no velum: velum = false belongs to the built-in bone "palate"')
+        for owner, key in SOFT_PARTS.items():
+            if not getattr(self, key) and (self.name != owner or self.file is not None):
+                part = key.replace("_", " ")
+                raise ValueError(f'"{self.name}" has no {part}: {key} = false belongs to the built-in bone "{owner}"')
         return self
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether no body takes the place of its soft part."""
+        return self.velum and self.side_walls
 
     @property
     def moves_with_jaw(self) -> bool:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from explicitfe.app.view.mouth import drawn_bones, is_mouth, teeth_of, without_ends
+from explicitfe.app.view.mouth import drawn_bones, is_mouth, teeth_of
 from explicitfe.app.view.muscles import activation, muscles_of
 from explicitfe.app.view.palette import BONE, BONE_EDGE, FIBRE_AT_REST, FIBRE_PULLING, IVORY, MUCOSA, TONGUE
 from explicitfe.app.view.scene.body import BodySurface
@@ -202,8 +202,7 @@ class Scene:
         teeth = teeth_of(self.result)
         actors: dict[str, list[pyvista.Actor]] = {}
         for name, bone in drawn_bones(self.result).items():
-            # Faces at the ends of the pharynx would hide the tongue.
-            surface = near_part(without_ends(bone) if self._has_mouth and name == "pharynx" else bone, self._extent)
+            surface = near_part(bone, self._extent)
             if surface is None:
                 continue
             normal, origin = self._plane(surface)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -409,6 +410,10 @@ class Simulation(Body):
             force[part.first : part.first + part.own] = part.force[: part.own]
         return float(np.min(smallest))
 
+    def _shared(self) -> Any:
+        """What the parts share; a run that is differentiated has more to share."""
+        return Shared(self.blocks, self.nodes, self._external, float(self.alpha_per_s), _UNRECORDED)
+
     def _course(
         self,
         times: np.ndarray,
@@ -421,7 +426,7 @@ class Simulation(Body):
         """Let each part have its thread; give the number of steps done. ``times`` are those of all instants, and one more."""
         looks, lookers, turns = looking_with or (self._looks, self.lookers, TURNS_LATER)
         actions = self.loads.actions(times, max(dt_s, SHORTEST_INCREMENT_S), self.bones, self.ties, self.surfaces, self._planned)
-        shared = Shared(self.blocks, self.nodes, self._external, float(self.alpha_per_s), _UNRECORDED)
+        shared = self._shared()
         span = Span(
             dt_before=float(self.dt_s),
             dt=float(dt_s),

@@ -94,11 +94,10 @@ def check_differentiable(model: Model) -> None:
     ------
     InputError : the first such thing.
     """
-    law = type(model.material)
     reasons = {
         f'model.element = "{model.element}"': model.element not in ("hex8", "hex8-stiffness"),
         f'the law "{model.material.law}", which is no function of I1 alone,': law_of(model.material.law).kind is not first_invariant,
-        "the release of a body": model.motion is not None,
+        "prescribed motion": model.motion is not None,
         "contact of surfaces with each other ([contact])": model.surfaces is not None,
         "a force that follows the body (load.follows)": bool(model.followers),
         "a mass on a string (load.string_slack_mm)": bool(model.weights),
@@ -111,7 +110,13 @@ def check_differentiable(model: Model) -> None:
         reasons[f"the effect of {effect.about.title}"] = not known
     for reason, holds in reasons.items():
         if holds:
-            raise InputError(f"gradient: {reason} has no derivative here ({law.__name__}); leave it out, or {CENTRAL}.")
+            raise InputError(f"gradient: {reason} has no derivative here; leave it out, or {CENTRAL}.")
+    for bone in model.bones:
+        if not bone.smooth:
+            raise InputError(
+                f"gradient: the force of the bone {bone.name} jumps from cell to cell of its distance grid, so that a run has no "
+                f"derivative; set bone.{bone.name}.smooth = true."
+            )
 
 
 @cache

@@ -1,15 +1,15 @@
 """How the forces of bones change: the derivative of forces/bone.py, point by point, for bones without friction.
 
-Within a cell of its grid the distance is trilinear, so that its second derivatives are the mixed ones alone. Where a point touches
-first, where g jumps from cell to cell, and where the damper begins to be limited, the force bends: the derivative there is that of
-the side on which the state lies.
+The distance has to be smooth: where it is trilinear, the force jumps from cell to cell of its grid, and a run has no derivative.
+Where a point touches first, and where the damper begins to be limited, the force bends: the derivative there is that of the side on
+which the state lies.
 """
 
 from __future__ import annotations
 
 import math
 
-from explicitfe.fem.forces.bone import TANGENTIAL_DAMPER_SHARE, cell, depth_in, is_far
+from explicitfe.fem.forces.bone import TANGENTIAL_DAMPER_SHARE, cell, depth_in, is_far, smooth_distance
 from explicitfe.fem.forces.dead import add_dead_loads
 from explicitfe.fem.forces.follower import add_follower_fibres
 from explicitfe.fem.forces.ties import add_ties
@@ -43,22 +43,9 @@ def in_space(placement, instant, bone, x, y, z):
 
 @leaf
 def bend(bones, bone, x, y, z):
-    """Second derivatives xy, xz, yz [1/m] of the distance at a point in the frame of a bone; the others are zero in a cell."""
+    """Second derivatives xx, yy, zz, xy, xz, yz [1/m] of the distance at a point in the frame of a bone."""
     first, a, b, c, _ = cell(bones, bone, x, y, z)
-    ny, nz = bones.shape[bone, 1], bones.shape[bone, 2]
-    d, scale = bones.distance, 1.0 / bones.spacing[bone]
-    X, Y = ny * nz, nz
-    d000, d001, d010, d011 = d[first], d[first + 1], d[first + Y], d[first + Y + 1]
-    d100, d101, d110, d111 = d[first + X], d[first + X + 1], d[first + X + Y], d[first + X + Y + 1]
-    low, top = d110 - d100 - d010 + d000, d111 - d101 - d011 + d001
-    near, away = d101 - d100 - d001 + d000, d111 - d110 - d011 + d010
-    left, right = d011 - d010 - d001 + d000, d111 - d110 - d101 + d100
-    square = scale * scale
-    return (
-        square * ((1.0 - c) * low + c * top),
-        square * ((1.0 - b) * near + b * away),
-        square * ((1.0 - a) * left + a * right),
-    )
+    return smooth_distance(bones, bone, first, a, b, c)[2]
 
 
 @leaf
@@ -103,7 +90,7 @@ def _add_point(v, force, nodes, bones, placement, instant, keep, gain, keep_chan
             R[SPEED + 1] + spin[2] * x - spin[0] * z,
             R[SPEED + 2] + spin[0] * y - spin[1] * x,
         )
-    xy, xz, yz = bend(bones, bone, local[0], local[1], local[2])
+    xx, yy, zz, xy, xz, yz = bend(bones, bone, local[0], local[1], local[2])
 
     # the force, as in forces/bone.py
     spring, damper = bones.spring[point], bones.damper[point]
@@ -143,7 +130,11 @@ def _add_point(v, force, nodes, bones, placement, instant, keep, gain, keep_chan
         there = du
         if moves:
             there = in_bone(placement, instant, bone, du[0], du[1], du[2])
-        dg = (xy * there[1] + xz * there[2], xy * there[0] + yz * there[2], xz * there[0] + yz * there[1])
+        dg = (
+            xx * there[0] + xy * there[1] + xz * there[2],
+            xy * there[0] + yy * there[1] + yz * there[2],
+            xz * there[0] + yz * there[1] + zz * there[2],
+        )
         if moves:
             dg = in_space(placement, instant, bone, dg[0], dg[1], dg[2])
         dpush = (-spring) * _dot(g, du)

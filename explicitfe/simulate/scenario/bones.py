@@ -26,6 +26,11 @@ class BoneTable(Table):
     velum: bool = Field(
         default=True, description="false: the built-in palate ends where the velum begins, which is then a [[body]]"
     )
+    smooth: bool = Field(
+        default=False,
+        description="whether its surface is rounded over a cell of its distance grid, so that its force has no jumps, as gradients "
+        "need",
+    )
     with_jaw: bool | None = Field(
         default=None, description='whether it moves with the jaw; by default true for the bone "jaw" only'
     )

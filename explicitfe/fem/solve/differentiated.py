@@ -4,16 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cache
+from typing import Any
 
 import numpy as np
 
-from explicitfe.fem.forces import internal
+from explicitfe.fem.forces import internal, response
 from explicitfe.fem.forces.response import Layout
 from explicitfe.fem.materials import first_invariant, law_of
-from explicitfe.fem.mesh.hexmesh import MaterialPoints
+from explicitfe.fem.mesh.hexmesh import MaterialPoints, shape_functions
 from explicitfe.fem.model.model import Model
 from explicitfe.fem.solve.directions import CENTRAL, Direction, inputs_of
 from explicitfe.fem.solve.kernels import ELEMENTS, Kernels, kernels_of
+from explicitfe.fem.solve.observe import Recording
 from explicitfe.fem.solve.simulation import SHORTEST_INCREMENT_S, Simulation
 from explicitfe.fem.tangent import element, step
 from explicitfe.fem.tangent.arrays import SharedWithTangents, tangents_of
@@ -54,6 +56,11 @@ class Differentiated(Simulation):
         ties = (len(self.ties.node), len(self.ties.total))
         rows = len(self.state.u)
         inputs = inputs_of(self, directions)
+        points = list(model.probes.values())
+        element = np.array([point.element[0] for point in points], dtype=np.int64)
+        natural = np.array([point.natural[0] for point in points], dtype=float).reshape(-1, 3)
+        self._probes = self._place[model.mesh.hexes[element]], shape_functions(natural)
+        self.probe_history: list[np.ndarray] = []
         self.tangents = tangents_of(self.blocks, rows, len(self.hexes), groups, memory, ties, inputs)
 
     def start(self, dt_s: float) -> None:
@@ -64,6 +71,24 @@ class Differentiated(Simulation):
             times, max(dt_s, SHORTEST_INCREMENT_S), self.bones, self.ties, self.surfaces, self._planned
         )
         self._begin(self.state, self.parts[0].blocks, self._shared(), actions, float(dt_s))
+
+    def recording(self, room: int) -> Recording:
+        """Memory for one sample, so that the tangents can be noted at each."""
+        return super().recording(1)
+
+    def go(self, steps: int, dt_s: float, *, recording: Recording | None = None, **more: Any) -> int:
+        """``Simulation.go``; the changes of the probes are noted at each sample."""
+        before = 0 if recording is None else recording.count
+        done = super().go(steps, dt_s, recording=recording, **more)
+        if recording is not None and recording.count > before:
+            self.probe_history.append(self._probe_changes())
+        return done
+
+    def _probe_changes(self) -> np.ndarray:
+        """Derivatives of the displacements of the probes, (directions, probes, 3), m per unit."""
+        rows, shares = self._probes
+        lanes = np.einsum("pa,gpakw->gwpk", shares, self.tangents.u[:, rows])
+        return np.ascontiguousarray(lanes.reshape(-1, *lanes.shape[2:])[: len(self.directions)])
 
     @property
     def displacement_changes(self) -> np.ndarray:
@@ -82,8 +107,6 @@ class Differentiated(Simulation):
 
 def layout_of(model: Model) -> Layout:
     """Where the effects of a model stand."""
-    from explicitfe.fem.forces import response
-
     return response.layout_of(model.effects)
 
 

@@ -100,12 +100,12 @@ def smooth_distance(bones, bone, first, a, b, c):
     at = first - bones.start[bone]
     i, j, k = at // (ny * nz), at // nz % ny, at % nz
     # the nearest node, none of the outermost
-    I, J, K = (
+    nearest = (
         min(max(i + (a >= 0.5), 1), nx - 2),
         min(max(j + (b >= 0.5), 1), ny - 2),
         min(max(k + (c >= 0.5), 1), nz - 2),
     )
-    x, y, z = a + (i - I), b + (j - J), c + (k - K)
+    x, y, z = a + (i - nearest[0]), b + (j - nearest[1]), c + (k - nearest[2])
     d = gx = gy = gz = xx = yy = zz = xy = xz = yz = 0.0
     for p in range(-1, 2):
         x0, x1, x2 = _share(x, p)
@@ -113,7 +113,7 @@ def smooth_distance(bones, bone, first, a, b, c):
             y0, y1, y2 = _share(y, q)
             for r in range(-1, 2):
                 z0, z1, z2 = _share(z, r)
-                value = bones.distance[bones.start[bone] + ((I + p) * ny + J + q) * nz + K + r]
+                value = bones.distance[bones.start[bone] + ((nearest[0] + p) * ny + nearest[1] + q) * nz + nearest[2] + r]
                 d += x0 * y0 * z0 * value
                 gx += x1 * y0 * z0 * value
                 gy += x0 * y1 * z0 * value

@@ -67,9 +67,7 @@ class Differentiated(Simulation):
         """Half-step start of the state and of its tangents; see ``Simulation.start``."""
         super().start(dt_s)
         times = np.array([self.time_s, self.time_s + dt_s])
-        actions = self.loads.actions(
-            times, max(dt_s, SHORTEST_INCREMENT_S), self.bones, self.ties, self.surfaces, self._planned
-        )
+        actions = self.loads.actions(times, max(dt_s, SHORTEST_INCREMENT_S), self.bones, self.ties, self.surfaces, self._planned)
         self._begin(self.state, self.parts[0].blocks, self._shared(), actions, float(dt_s))
 
     def recording(self, room: int) -> Recording:
@@ -119,7 +117,8 @@ def check_differentiable(model: Model) -> None:
     """
     reasons = {
         f'model.element = "{model.element}"': model.element not in ("hex8", "hex8-stiffness"),
-        f'the law "{model.material.law}", which is no function of I1 alone,': law_of(model.material.law).kind is not first_invariant,
+        f'the law "{model.material.law}", which is no function of I1 alone,': law_of(model.material.law).kind
+        is not first_invariant,
         "prescribed motion": model.motion is not None,
         "contact of surfaces with each other ([contact])": model.surfaces is not None,
         "a force that follows the body (load.follows)": bool(model.followers),

@@ -15,7 +15,7 @@ from explicitfe.fem.elements import barrier
 from explicitfe.fem.model.model import Model
 from explicitfe.fem.solve.simulation import Simulation
 from explicitfe.platform.compiled.arrays import zeros
-from explicitfe.platform.compiled.simd import ROW, WIDTH
+from explicitfe.platform.compiled.simd import WIDTH
 from explicitfe.platform.errors import InputError
 
 STEP_SHARE = 1e-5  # of a value: rounding of 1e-16 / 1e-5, and an error of (1e-5)^4
@@ -76,7 +76,9 @@ def _changes(simulation: Simulation, direction: Direction) -> dict[str, np.ndarr
     return {name: (4.0 * first[name] - (far_above[name] - far_below[name]) / (4.0 * step)) / 3.0 for name in middle}
 
 
-def _forward(simulation: Simulation, direction: Direction, middle: Mapping[str, np.ndarray], step: float) -> dict[str, np.ndarray]:
+def _forward(
+    simulation: Simulation, direction: Direction, middle: Mapping[str, np.ndarray], step: float
+) -> dict[str, np.ndarray]:
     """The derivative at zero, from one side."""
     near, far = (_values_at(simulation, direction, times * step) for times in (1.0, 2.0))
     return {name: (4.0 * near[name] - 3.0 * middle[name] - far[name]) / (2.0 * step) for name in middle}

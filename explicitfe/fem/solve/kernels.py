@@ -69,7 +69,11 @@ def _kernels(law: str, element: str, layout: Layout, muscles: bool, derived: boo
 
 
 def kernels_of(
-    force: Dispatcher, energy: Dispatcher, shape: Dispatcher, contact: ModuleType = apart, step_of: Callable[..., Any] | None = None
+    force: Dispatcher,
+    energy: Dispatcher,
+    shape: Dispatcher,
+    contact: ModuleType = apart,
+    step_of: Callable[..., Any] | None = None,
 ) -> Kernels:
     """Kernels from those of an element's forces and energies, and the leaf that gives its geometry.
 

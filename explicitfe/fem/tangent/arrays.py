@@ -10,27 +10,29 @@ from typing import NamedTuple
 import numpy as np
 
 from explicitfe.platform.compiled.arrays import Blocks, BoneRecord, Nodes, zeros
-from explicitfe.platform.compiled.simd import ROW, WIDTH
+from explicitfe.platform.compiled.jit import leaf
+from explicitfe.platform.compiled.simd import ROW, WIDTH, store
 
 # Places in the work array of a block, vectors over its elements: geometry, frame, F, hourglass modes, C^-1, total second
 # Piola-Kirchhoff stress, and derivatives of the hourglass invariant by the modes and by F.
 GEOMETRY_AT, FRAME_AT, F_AT, MODES_AT, INVERSE_AT, STRESS_AT, BY_MODES_AT, BY_F_AT = 0, 31, 40, 49, 61, 67, 73, 85
-# Numbers: J^(-2/3), a, b and tr C of the isochoric stress a 1 + b C^-1; dW'/dI1_bar, I1_bar, volume, share of the stress that
-# hourglass control keeps, weight of its force; p J, J d(p J)/dJ and J dp/dK.
+# Numbers, all but the first three times the volume V: derivatives of W' by tr C, log J and delta; 2 J^(-2/3), 2 a / 3, a and b of
+# the isochoric stress a 1 + b C^-1, tr C; share of the stress that hourglass control keeps; p J, J d(p J)/dJ and J dp/dK. The
+# stress and what the material remembers are those times V as well.
 NUMBERS_AT = 94
-SQUARE, A, B, TRACE, BEND, INVARIANT, VOLUME, SHARE, WEIGHT, PJ, PJ_SLOPE, BY_BULK, NUMBER_COUNT = range(13)
+BY_TRACE, BY_VOLUME, BY_DELTA, SQUARE, SLOPED, A, B, TRACE, SHARE, PJ, PJ_SLOPE, BY_BULK, NUMBER_COUNT = range(13)
 # Derivatives of W' by the constants of the law; what the hourglass treatment prepares; and of each muscle a0 x a0 (6), its
 # stiffness and its stress at a sigma of 1.
 MOST_CONSTANTS = 16
 BY_CONSTANTS_AT = NUMBERS_AT + NUMBER_COUNT
 TREATMENT_AT = BY_CONSTANTS_AT + MOST_CONSTANTS
-MOST_OF_TREATMENT = 48
+MOST_OF_TREATMENT = 56
 CONSTANTS_AT = TREATMENT_AT + MOST_OF_TREATMENT
 MUSCLES_AT = CONSTANTS_AT + MOST_CONSTANTS
 OF_MUSCLE = 8
 COMPONENTS = 3  # vectors of a node
-# Places in the work array of the barrier: changes of the 36 components of the edges and of the forces on them, of the spans D_a and
-# of the slopes phi'.
+# Places in the work array of the barrier: changes of the 36 components of the edges and of the forces on them, of the spans D_a
+# and of the slopes phi'.
 EDGES_CHANGE, PULLS_CHANGE, SPANS_CHANGE, SLOPES_CHANGE, BARRIER_CHANGES = 0, 36, 72, 80, 88
 # The same for the values: edges, D_a, phi' and phi''.
 EDGES_NOW, SPANS_NOW, SLOPES_NOW, CURVATURES_NOW, BARRIER_VALUES = 0, 36, 44, 52, 60
@@ -100,3 +102,10 @@ def tangents_of(
         elements=elements,
         **inputs,
     )
+
+
+@leaf
+def put(work, at, values):
+    """Put a tuple of vectors into the work array of a block from a place on."""
+    for k in range(len(values)):
+        store(work, (at + k) * WIDTH, values[k])

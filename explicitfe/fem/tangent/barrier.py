@@ -145,7 +145,11 @@ def _add_group(blocks, block, lane, group, j, moved, tangents):
         span = splat(0.0)
         if blocks.barrier[block, REST + which, lane] > 0.0:
             a, b, c = _edge(corner, one), _edge(corner, two), _edge(corner, three)
-            span = _dot(_change(work, one), _cross(b, c)) + _dot(_change(work, two), _cross(c, a)) + _dot(_change(work, three), _cross(a, b))
+            span = (
+                _dot(_change(work, one), _cross(b, c))
+                + _dot(_change(work, two), _cross(c, a))
+                + _dot(_change(work, three), _cross(a, b))
+            )
         store(work, (SPANS_CHANGE + which) * WIDTH, span)
         total = total + span
     whole = blocks.barrier[block, WHOLE, lane]
@@ -153,7 +157,11 @@ def _add_group(blocks, block, lane, group, j, moved, tangents):
     j_change = (whole / j) * total  # of log j
     moved_change = splat(0.0)
     for which in range(corners):
-        inverse, D, span = blocks.barrier[block, REST + which, lane], corner[SPANS_NOW + which], load(work, (SPANS_CHANGE + which) * WIDTH)
+        inverse, D, span = (
+            blocks.barrier[block, REST + which, lane],
+            corner[SPANS_NOW + which],
+            load(work, (SPANS_CHANGE + which) * WIDTH),
+        )
         slope = (corner[CURVATURES_NOW + which] * inverse * w) * (span - D * j_change)
         store(work, (SLOPES_CHANGE + which) * WIDTH, slope)
         moved_change = moved_change + corner[SLOPES_NOW + which] * span + D * slope

@@ -1,8 +1,8 @@
 """How the forces of bones change: the derivative of forces/bone.py, point by point, for bones without friction.
 
 The distance has to be smooth: where it is trilinear, the force jumps from cell to cell of its grid, and a run has no derivative.
-Where a point touches first, and where the damper begins to be limited, the force bends: the derivative there is that of the side on
-which the state lies.
+Where a point touches first, and where the damper begins to be limited, the force bends: the derivative there is that of the side
+on which the state lies.
 """
 
 from __future__ import annotations
@@ -70,7 +70,9 @@ def _minus(a, b):
 
 
 @leaf
-def _add_point(v, force, nodes, bones, placement, instant, keep, gain, keep_change, gain_change, tangents, point, bone, at, p, g, before):
+def _add_point(
+    v, force, nodes, bones, placement, instant, keep, gain, keep_change, gain_change, tangents, point, bone, at, p, g, before
+):
     """Add the change of the force of one bone on one point; give the force on it of this bone and those before, (3,) N."""
     node = bones.node[point]
     moves = bones.moves[bone] != 0

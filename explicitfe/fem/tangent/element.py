@@ -24,23 +24,24 @@ from explicitfe.fem.forces.corners import element_modes
 from explicitfe.fem.forces.internal import bound_shape, kinematics
 from explicitfe.fem.forces.response import Layout
 from explicitfe.fem.materials import Leaves
-from explicitfe.fem.materials.kinematics import cofactor, determinant, inverse_C, plus, right_cauchy_green
+from explicitfe.fem.materials.kinematics import cofactor, determinant, inverse_C, plus, right_cauchy_green, times
 from explicitfe.fem.materials.volumetric import pressure, pressure_slope
 from explicitfe.fem.tangent import barrier, relaxation
 from explicitfe.fem.tangent import hourglass_stiffness as stiffness_change
 from explicitfe.fem.tangent import hourglass_strain as strain_change
 from explicitfe.fem.tangent.arrays import (
-    BEND,
     BY_BULK,
     BY_CONSTANTS_AT,
+    BY_DELTA,
     BY_F_AT,
     BY_MODES_AT,
+    BY_TRACE,
+    BY_VOLUME,
     COMPONENTS,
     CONSTANTS_AT,
     F_AT,
     FRAME_AT,
     GEOMETRY_AT,
-    INVARIANT,
     INVERSE_AT,
     MODES_AT,
     MUSCLES_AT,
@@ -50,14 +51,14 @@ from explicitfe.fem.tangent.arrays import (
     PJ,
     PJ_SLOPE,
     SHARE,
+    SLOPED,
     SQUARE,
     STRESS_AT,
     TRACE,
-    VOLUME,
-    WEIGHT,
     A,
     B,
-)
+    put,
+)  # fmt: skip
 from explicitfe.platform.compiled.choose import any_below_zero, choose
 from explicitfe.platform.compiled.jit import PLACEHOLDER, Dispatcher, bind, leaf
 from explicitfe.platform.compiled.simd import (
@@ -110,10 +111,15 @@ def bound(law: Leaves, treatment: ModuleType, layout: Layout, derived: bool) -> 
             is_suspect=is_near_barrier if guarded else is_never_near,
         ),
         add_element_change=bind(
-            add_change_of_element, inline=True, LAW_CONSTANTS=law.count, hourglass_change=change.force_change, stress_change=changed
+            add_change_of_element,
+            inline=True,
+            LAW_CONSTANTS=law.count,
+            hourglass_change=change.force_change,
+            stress_change=changed,
         ),
         add_barrier_change=barrier.add_barrier_change if guarded else barrier.no_barrier_change,
     )
+
 
 def internal_change(u, blocks, tangents):
     """Put the changes of minus the internal forces at the displacement u into ``tangents.force``.
@@ -143,13 +149,6 @@ def is_never_near(cof, J, qx, qy, qz, blocks, block):
     return False
 
 
-@leaf
-def put(work, at, values):
-    """Put a tuple of vectors into the work array from a place on."""
-    for k in range(len(values)):
-        store(work, (at + k) * WIDTH, values[k])
-
-
 def prepare_block(u, blocks, block, tangents):
     """Put what the changes of W elements are made of into the work array; give whether a corner may be about to fold."""
     work = tangents.work
@@ -166,7 +165,6 @@ def prepare_block(u, blocks, block, tangents):
     put(work, MODES_AT + 8, qz)
     inverse = inverse_C(cof, J)
     put(work, INVERSE_AT, inverse)
-    prepare_hourglass(F, qx, qy, qz, h, work)
     rx, ry, rz, by_F = hourglass_force(F, qx, qy, qz, h, splat(1.0))
     put(work, BY_MODES_AT, rx)
     put(work, BY_MODES_AT + 4, ry)
@@ -189,21 +187,15 @@ def prepare_block(u, blocks, block, tangents):
     K = c[LAW_CONSTANTS - 1]
     p = pressure(J, K)
     pj = p * J
-    S = plus(T, (pj * inverse[0], pj * inverse[1], pj * inverse[2], pj * inverse[3], pj * inverse[4], pj * inverse[5]))
+    S = plus(T, times(pj, inverse))
     v = g[VOLUME_OF_GEOMETRY]
-    at = NUMBERS_AT
-    store(work, (at + SQUARE) * WIDTH, square)
-    store(work, (at + A) * WIDTH, a)
-    store(work, (at + B) * WIDTH, b)
-    store(work, (at + TRACE) * WIDTH, trace)
-    store(work, (at + BEND) * WIDTH, (8.0 * near - far) * (1.0 / (12.0 * e)))
-    store(work, (at + INVARIANT) * WIDTH, square * trace)
-    store(work, (at + VOLUME) * WIDTH, v)
-    store(work, (at + SHARE) * WIDTH, v * share)
-    store(work, (at + WEIGHT) * WIDTH, v * share * slope)
-    store(work, (at + PJ) * WIDTH, pj)
-    store(work, (at + PJ_SLOPE) * WIDTH, (p + J * pressure_slope(J, K)) * J)
-    store(work, (at + BY_BULK) * WIDTH, pressure(J, splat(1.0)) * J)
+    prepare_hourglass(F, qx, qy, qz, h, v * share * slope, work)
+    bent = (8.0 * near - far) * (1.0 / (12.0 * e))
+    put(work, NUMBERS_AT, (
+        bent * square, (2.0 / 3.0) * bent * square * trace, bent,
+        2.0 * v * square, (2.0 / 3.0) * v * a, v * a, v * b, trace,
+        v * share, v * pj, v * (p + J * pressure_slope(J, K)) * J, v * pressure(J, splat(1.0)) * J,
+    ))  # fmt: skip
     if len(tangents.constants) > 0:
         for k in range(LAW_CONSTANTS - 1):
             put(work, CONSTANTS_AT, c)
@@ -215,12 +207,12 @@ def prepare_block(u, blocks, block, tangents):
                 store(work, (CONSTANTS_AT + k) * WIDTH, here + share_of_step * step)
                 total = total + weight * law_slopes((x,), load_many(work, CONSTANTS_AT * WIDTH, LAW_CONSTANTS))[0]
             store(work, (BY_CONSTANTS_AT + k) * WIDTH, total / (12.0 * step))
-    put(work, STRESS_AT, plus(S, muscle_stress(F, blocks, block, work)))
+    put(work, STRESS_AT, times(v, plus(S, muscle_stress(F, v, blocks, block, work))))
     return is_suspect(cof, J, qx, qy, qz, blocks, block)
 
 
 @leaf
-def muscle_stress(F, blocks, block, work):
+def muscle_stress(F, v, blocks, block, work):
     """Second Piola-Kirchhoff stress (6) [Pa] of the muscles in a block; what its changes are made of goes into the work array."""
     most = blocks.muscle.shape[1]
     zero = splat(0.0)
@@ -245,10 +237,10 @@ def muscle_stress(F, blocks, block, work):
         dyad = (x * x, y * y, z * z, x * y, x * z, y * z)
         at = MUSCLES_AT + OF_MUSCLE * k
         put(work, at, dyad)
-        store(work, (at + 6) * WIDTH, stiffness)
-        store(work, (at + 7) * WIDTH, one)
+        store(work, (at + 6) * WIDTH, v * stiffness)
+        store(work, (at + 7) * WIDTH, v * one)
         pull = one * sigma
-        S = plus(S, (pull * dyad[0], pull * dyad[1], pull * dyad[2], pull * dyad[3], pull * dyad[4], pull * dyad[5]))
+        S = plus(S, times(pull, dyad))
     return S
 
 
@@ -311,11 +303,17 @@ def strain_change(F, dF):
 
 
 @leaf
+def _row(x, y, z, D):
+    """A row of numbers times a symmetric tensor."""
+    return x * D[0] + y * D[3] + z * D[4], x * D[3] + y * D[1] + z * D[5], x * D[4] + y * D[5] + z * D[2]
+
+
+@leaf
 def between(K, D):
     """K D K of symmetric tensors."""
-    a0, a1, a2 = K[0] * D[0] + K[3] * D[3] + K[4] * D[4], K[0] * D[3] + K[3] * D[1] + K[4] * D[5], K[0] * D[4] + K[3] * D[5] + K[4] * D[2]
-    b0, b1, b2 = K[3] * D[0] + K[1] * D[3] + K[5] * D[4], K[3] * D[3] + K[1] * D[1] + K[5] * D[5], K[3] * D[4] + K[1] * D[5] + K[5] * D[2]
-    c0, c1, c2 = K[4] * D[0] + K[5] * D[3] + K[2] * D[4], K[4] * D[3] + K[5] * D[1] + K[2] * D[5], K[4] * D[4] + K[5] * D[5] + K[2] * D[2]
+    a0, a1, a2 = _row(K[0], K[3], K[4], D)
+    b0, b1, b2 = _row(K[3], K[1], K[5], D)
+    c0, c1, c2 = _row(K[4], K[5], K[2], D)
     return (
         a0 * K[0] + a1 * K[3] + a2 * K[4],
         b0 * K[3] + b1 * K[1] + b2 * K[5],
@@ -340,7 +338,7 @@ def add_change_of_element(blocks, block, lane, group, tangents):
     r = load_lane(work, BY_MODES_AT * WIDTH + lane, 12)
     R = load_lane(work, BY_F_AT * WIDTH + lane, 9)
     numbers = load_lane(work, NUMBERS_AT * WIDTH + lane, NUMBER_COUNT)
-    square, a, b, v = numbers[SQUARE], numbers[A], numbers[B], numbers[VOLUME]
+    a, b = numbers[A], numbers[B]
 
     xx, xy, xz, dqx = gradient_of(to_modes(corner_changes(tangents.u, rows, shift)), g)
     yx, yy, yz, dqy = gradient_of(to_modes(corner_changes(tangents.u, rows, shift + WIDTH)), g)
@@ -353,7 +351,7 @@ def add_change_of_element(blocks, block, lane, group, tangents):
     delta = delta + r[4] * dqy[0] + r[5] * dqy[1] + r[6] * dqy[2] + r[7] * dqy[3]
     delta = delta + r[8] * dqz[0] + r[9] * dqz[1] + r[10] * dqz[2] + r[11] * dqz[3]
     delta = delta + R[0] * xx + R[1] * xy + R[2] * xz + R[3] * yx + R[4] * yy + R[5] * yz + R[6] * zx + R[7] * zy + R[8] * zz
-    slope = numbers[BEND] * (square * trace - (2.0 / 3.0 * numbers[INVARIANT]) * e + delta)
+    slope = numbers[BY_TRACE] * trace - numbers[BY_VOLUME] * e + numbers[BY_DELTA] * delta
     dpj = numbers[PJ_SLOPE] * e
     if len(tangents.constants) > 0:
         one = min(element, len(tangents.constants) - 1)
@@ -363,7 +361,7 @@ def add_change_of_element(blocks, block, lane, group, tangents):
             slope = slope + work[BY_CONSTANTS_AT + k, lane] * load(tangents.constants, at)
         at = ((one * LAW_CONSTANTS + LAW_CONSTANTS - 1) * groups + group) * WIDTH
         dpj = dpj + numbers[BY_BULK] * load(tangents.constants, at)
-    da = 2.0 * square * slope - (2.0 / 3.0 * a) * e
+    da = numbers[SQUARE] * slope - numbers[SLOPED] * e
     db = (-1.0 / 3.0) * (numbers[TRACE] * da + a * trace)
     Y = between(K, dC)
     dS = (
@@ -395,25 +393,24 @@ def add_change_of_element(blocks, block, lane, group, tangents):
             pull = pull + m[7] * load(tangents.sigma, ((element * most + k) * len(tangents.u) + group) * WIDTH)
         dS = plus(dS, (m[0] * pull, m[1] * pull, m[2] * pull, m[3] * pull, m[4] * pull, m[5] * pull))
 
-    weight = numbers[WEIGHT]
     gain = numbers[SHARE] * slope
     sx, sy, sz, dR = hourglass_change(work, lane, q, dF, dqx, dqy, dqz)
-    rx = (weight * sx[0] + r[0] * gain, weight * sx[1] + r[1] * gain, weight * sx[2] + r[2] * gain, weight * sx[3] + r[3] * gain)
-    ry = (weight * sy[0] + r[4] * gain, weight * sy[1] + r[5] * gain, weight * sy[2] + r[6] * gain, weight * sy[3] + r[7] * gain)
-    rz = (weight * sz[0] + r[8] * gain, weight * sz[1] + r[9] * gain, weight * sz[2] + r[10] * gain, weight * sz[3] + r[11] * gain)
-    px = stress_row(v, S, dS, (F[0], F[1], F[2]), (xx, xy, xz), weight, gain, (dR[0], dR[1], dR[2]), (R[0], R[1], R[2]))
-    py = stress_row(v, S, dS, (F[3], F[4], F[5]), (yx, yy, yz), weight, gain, (dR[3], dR[4], dR[5]), (R[3], R[4], R[5]))
-    pz = stress_row(v, S, dS, (F[6], F[7], F[8]), (zx, zy, zz), weight, gain, (dR[6], dR[7], dR[8]), (R[6], R[7], R[8]))
+    rx = (sx[0] + r[0] * gain, sx[1] + r[1] * gain, sx[2] + r[2] * gain, sx[3] + r[3] * gain)
+    ry = (sy[0] + r[4] * gain, sy[1] + r[5] * gain, sy[2] + r[6] * gain, sy[3] + r[7] * gain)
+    rz = (sz[0] + r[8] * gain, sz[1] + r[9] * gain, sz[2] + r[10] * gain, sz[3] + r[11] * gain)
+    px = stress_row(S, dS, (F[0], F[1], F[2]), (xx, xy, xz), gain, (dR[0], dR[1], dR[2]), (R[0], R[1], R[2]))
+    py = stress_row(S, dS, (F[3], F[4], F[5]), (yx, yy, yz), gain, (dR[3], dR[4], dR[5]), (R[3], R[4], R[5]))
+    pz = stress_row(S, dS, (F[6], F[7], F[8]), (zx, zy, zz), gain, (dR[6], dR[7], dR[8]), (R[6], R[7], R[8]))
     add_corner_changes(tangents.force, rows, shift, minus_corner_forces(px[0], px[1], px[2], rx, g))
     add_corner_changes(tangents.force, rows, shift + WIDTH, minus_corner_forces(py[0], py[1], py[2], ry, g))
     add_corner_changes(tangents.force, rows, shift + 2 * WIDTH, minus_corner_forces(pz[0], pz[1], pz[2], rz, g))
 
 
 @leaf
-def stress_row(v, S, dS, f, df, weight, gain, dR, R):
-    """A row of V dP + d Q: P = F S and Q, the derivative of the hourglass energy by F."""
+def stress_row(S, dS, f, df, gain, dR, R):
+    """A row of V dP + dQ: P = F S, S with V in it, and Q, the derivative of the hourglass energy by F."""
     return (
-        v * (df[0] * S[0] + df[1] * S[3] + df[2] * S[4] + f[0] * dS[0] + f[1] * dS[3] + f[2] * dS[4]) + weight * dR[0] + R[0] * gain,
-        v * (df[0] * S[3] + df[1] * S[1] + df[2] * S[5] + f[0] * dS[3] + f[1] * dS[1] + f[2] * dS[5]) + weight * dR[1] + R[1] * gain,
-        v * (df[0] * S[4] + df[1] * S[5] + df[2] * S[2] + f[0] * dS[4] + f[1] * dS[5] + f[2] * dS[2]) + weight * dR[2] + R[2] * gain,
+        df[0] * S[0] + df[1] * S[3] + df[2] * S[4] + f[0] * dS[0] + f[1] * dS[3] + f[2] * dS[4] + dR[0] + R[0] * gain,
+        df[0] * S[3] + df[1] * S[1] + df[2] * S[5] + f[0] * dS[3] + f[1] * dS[1] + f[2] * dS[5] + dR[1] + R[1] * gain,
+        df[0] * S[4] + df[1] * S[5] + df[2] * S[2] + f[0] * dS[4] + f[1] * dS[5] + f[2] * dS[2] + dR[2] + R[2] * gain,
     )

@@ -1,7 +1,7 @@
 """Steps of a run with the tangents of its state: the derivative of solve/step.py, at the steps that the run itself takes.
 
 The state of a run after a step is a function of that before and of the inputs; what is computed here is its derivative along
-directions of the inputs, of the program as it stands and not of the equations that it approximates. The time step counts as given.
+directions of the inputs, of the program as it stands and not of the equations that it approximates. The time step is given.
 """
 
 from __future__ import annotations
@@ -96,4 +96,3 @@ def begin(state, blocks, shared, actions, dt):
                 if len(tangents.log_inverse_mass) > 0:  # v_(-1/2) = -dt/2 f / m
                     new = new + state.v[node, k] * load(tangents.log_inverse_mass, (node * groups + group) * WIDTH)
                 store(tangents.v, at, new)
-

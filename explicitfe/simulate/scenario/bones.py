@@ -28,8 +28,8 @@ class BoneTable(Table):
     )
     smooth: bool = Field(
         default=False,
-        description="whether its surface is rounded over a cell of its distance grid, so that its force has no jumps, as gradients "
-        "need",
+        description="whether its surface is rounded over a cell of its distance grid, so that its force has no jumps: gradients "
+        "need it",
     )
     with_jaw: bool | None = Field(
         default=None, description='whether it moves with the jaw; by default true for the bone "jaw" only'

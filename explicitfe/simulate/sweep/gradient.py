@@ -197,11 +197,13 @@ def _columns(of: Sequence[str] | None) -> tuple[str, ...] | None:
         part, _, rest = name.partition(".")
         if part not in FROM_POSITIONS:
             raise InputError(
-                f'gradient: the measure "{shortened(name)}" has no derivative here; there are those of {", ".join(FROM_POSITIONS)}.'
+                f'gradient: the measure "{shortened(name)}" has no derivative here; choose one of {", ".join(FROM_POSITIONS)}.'
             )
         known = FROM_POSITIONS[part]
         if known and rest.rpartition(".")[2] not in known:
-            raise InputError(f'gradient: the measure "{shortened(name)}" has no derivative here; of {part} there are {", ".join(known)}.')
+            raise InputError(
+                f'gradient: the measure "{shortened(name)}" has no derivative here; of {part} there are {", ".join(known)}.'
+            )
     return tuple(of)
 
 

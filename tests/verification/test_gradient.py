@@ -1,8 +1,8 @@
 """Derivatives of a run against differences of runs with the same steps, and against closed forms.
 
-Central differences of step h, extrapolated to fourth order, have an error of order h^4 and rounding of order 1e-16 / h, times what
-the motion amplifies: with h = 1e-4 of a value that leaves 1e-9 or less, and 1e-6 is asked for. With contact h is 1e-6: the force
-bends where a point touches first, and a difference across such a bend is no derivative.
+Central differences of step h, extrapolated to fourth order, have an error of order h^4 and rounding of order 1e-16 / h, times
+what the motion amplifies: with h = 1e-4 of a value that leaves 1e-9 or less, and 1e-6 is asked for. With contact h is 1e-6: the
+force bends where a point touches first, and a difference across such a bend is no derivative.
 """
 
 from __future__ import annotations
@@ -192,7 +192,7 @@ def test_forces_of_another_law_and_element() -> None:
     simulation.state.u[simulation._place, :3] = u
     for lane, direction in enumerate(du):
         tangents.u[0, simulation._place, :, lane] = direction
-    bound = element.bound(law_of("neo-hooke"), hourglass_stiffness, (), False)
+    bound = element.kernel_of(law_of("neo-hooke"), hourglass_stiffness, (), False)
     bind(forces_change, change=bound)(simulation.state.u, simulation.blocks, tangents)
     for lane, direction in enumerate(du):
 

@@ -19,7 +19,6 @@ from explicitfe.fem.solve.observe import Recording
 from explicitfe.fem.solve.simulation import SHORTEST_INCREMENT_S, Simulation
 from explicitfe.fem.tangent import element, step
 from explicitfe.fem.tangent.arrays import SharedWithTangents, tangents_of
-from explicitfe.platform.compiled.arrays import Shared
 from explicitfe.platform.compiled.jit import Dispatcher, bind
 from explicitfe.platform.compiled.simd import WIDTH
 from explicitfe.platform.errors import InputError
@@ -68,7 +67,7 @@ class Differentiated(Simulation):
         super().start(dt_s)
         times = np.array([self.time_s, self.time_s + dt_s])
         actions = self.loads.actions(times, max(dt_s, SHORTEST_INCREMENT_S), self.bones, self.ties, self.surfaces, self._planned)
-        self._begin(self.state, self.parts[0].blocks, self._shared(), actions, float(dt_s))
+        self._begin(self.state, self.parts[0].blocks, self._for_all_parts(), actions, float(dt_s))
 
     def recording(self, room: int) -> Recording:
         """Memory for one sample, so that the tangents can be noted at each."""
@@ -98,9 +97,8 @@ class Differentiated(Simulation):
         """Derivatives of the displacement of points by each direction, (directions, points, 3), m per unit."""
         return np.array([self.model.mesh.at(points, change) for change in self.displacement_changes])
 
-    def _shared(self) -> SharedWithTangents:
-        shared: Shared = super()._shared()
-        return SharedWithTangents(*shared, self.tangents)
+    def _for_all_parts(self) -> SharedWithTangents:
+        return SharedWithTangents._make((*super()._for_all_parts(), self.tangents))
 
 
 def layout_of(model: Model) -> Layout:
@@ -146,7 +144,7 @@ def _kernels(law: str, name: str, layout: Layout, muscles: bool, derived: bool) 
     """The kernels of a run with tangents, and what starts the tangents."""
     templates, treatment = ELEMENTS[name]
     force, energy = templates.bound(law_of(law), treatment, layout, muscles, derived)
-    change = element.bound(law_of(law), treatment, layout, derived)
+    change = element.kernel_of(law_of(law), treatment, layout, derived)
 
     def with_tangents(advance: Dispatcher) -> Dispatcher:
         return bind(step.advance, stored=False, plain_advance=advance, internal_change=change)

@@ -18,7 +18,7 @@ from explicitfe.platform.compiled.arrays import zeros
 from explicitfe.platform.compiled.simd import WIDTH
 from explicitfe.platform.errors import InputError
 
-STEP_SHARE = 1e-5  # of a value: rounding of 1e-16 / 1e-5, and an error of (1e-5)^4
+SHARE_OF_VALUE = 1e-5  # of a value: rounding of 1e-16 / 1e-5, and an error of (1e-5)^4
 LINEAR_WITHIN = 1e-9  # curvature relative to the difference of an array that is taken to be linear
 CENTRAL = "take central differences of two runs with a fixed analysis.step_us instead"
 
@@ -64,7 +64,7 @@ def inputs_of(simulation: Simulation, directions: Sequence[Direction]) -> dict[s
 def _changes(simulation: Simulation, direction: Direction) -> dict[str, np.ndarray]:
     """The derivative of each input by one direction."""
     value = direction.value
-    step = STEP_SHARE * abs(value) or 1e-3
+    step = SHARE_OF_VALUE * abs(value) or 1e-3
     middle = _smooth(simulation)
     if value == 0.0:  # most constants cannot be negative
         return _forward(simulation, direction, middle, step)
@@ -93,7 +93,7 @@ def _is_small(curved: np.ndarray, difference: np.ndarray, value: np.ndarray) -> 
 def _values_at(simulation: Simulation, direction: Direction, value: float) -> dict[str, np.ndarray]:
     """The inputs at another value of the constant; the rest has to be the same."""
     other = Simulation(direction.model_at(value), threads=1)
-    known, here = _fixed(simulation), _fixed(other)
+    known, here = _other_inputs(simulation), _other_inputs(other)
     for name, array in known.items():
         if not (np.shape(array) == np.shape(here[name]) and np.array_equal(array, here[name])):
             raise InputError(f"gradient: {direction.key} changes {name}, whose derivative is not available; {CENTRAL}.")
@@ -125,7 +125,7 @@ def _of_elements(blocks: np.ndarray, count: int) -> np.ndarray:
     return blocks.transpose(0, 2, 1).reshape(len(blocks) * WIDTH, blocks.shape[1])[:count]
 
 
-def _fixed(simulation: Simulation) -> dict[str, np.ndarray]:
+def _other_inputs(simulation: Simulation) -> dict[str, np.ndarray]:
     """What a direction must not change, by what a message calls it."""
     blocks, loads, bones, ties = simulation.blocks, simulation.loads, simulation.bones, simulation.ties
     most = blocks.muscle.shape[1]

@@ -1,7 +1,7 @@
 """How the forces of bones change: the derivative of forces/bone.py, point by point, for bones without friction.
 
 The distance has to be smooth: where it is trilinear, the force jumps from cell to cell of its grid, and a run has no derivative.
-Where a point touches first, and where the damper begins to be limited, the force bends: the derivative there is that of the side
+Where a point touches first, and where the damper begins to be limited, the force bends: the derivative is then that of the side
 on which the state lies.
 """
 
@@ -70,10 +70,15 @@ def _minus(a, b):
 
 
 @leaf
-def _add_point(
-    v, force, nodes, bones, placement, instant, keep, gain, keep_change, gain_change, tangents, point, bone, at, p, g, before
-):
-    """Add the change of the force of one bone on one point; give the force on it of this bone and those before, (3,) N."""
+def _add_point(state, nodes, actions, instant, recurrence, tangents, point, bone, touch, before):
+    """Add the change of the force of one bone on one point; give the force on it of this bone and those before, (3,) N.
+
+    ``recurrence`` is keep, gain and their changes, and ``touch`` where the point is, how deep in the bone, and the gradient.
+    """
+    keep, gain, keep_change, gain_change = recurrence
+    at, p, g = touch
+    _, v, force = state
+    bones, placement = actions.bones, actions.bone_placement
     node = bones.node[point]
     moves = bones.moves[bone] != 0
     x, y, z = at
@@ -129,13 +134,13 @@ def _add_point(
         du = (load(tangents.u, row), load(tangents.u, row + WIDTH), load(tangents.u, row + 2 * WIDTH))
         dv = (load(tangents.v, row), load(tangents.v, row + WIDTH), load(tangents.v, row + 2 * WIDTH))
         df = (load(tangents.force, row), load(tangents.force, row + WIDTH), load(tangents.force, row + 2 * WIDTH))
-        there = du
+        local_change = du
         if moves:
-            there = in_bone(placement, instant, bone, du[0], du[1], du[2])
+            local_change = in_bone(placement, instant, bone, du[0], du[1], du[2])
         dg = (
-            xx * there[0] + xy * there[1] + xz * there[2],
-            xy * there[0] + yy * there[1] + yz * there[2],
-            xz * there[0] + yz * there[1] + zz * there[2],
+            xx * local_change[0] + xy * local_change[1] + xz * local_change[2],
+            xy * local_change[0] + yy * local_change[1] + yz * local_change[2],
+            xz * local_change[0] + yz * local_change[1] + zz * local_change[2],
         )
         if moves:
             dg = in_space(placement, instant, bone, dg[0], dg[1], dg[2])
@@ -174,7 +179,7 @@ def add_bone_changes(state, nodes, actions, instant, keep, gain, keep_change, ga
     ``keep_change`` and ``gain_change`` are the derivatives of keep and of log(gain) by the damping alpha.
     """
     bones, placement = actions.bones, actions.bone_placement
-    u, v, force = state
+    u, _, _ = state
     external = tangents.external
     asked = False
     for point in range(len(bones.node)):
@@ -201,7 +206,6 @@ def add_bone_changes(state, nodes, actions, instant, keep, gain, keep_change, ga
                 add_dead_loads(external, actions.dead, actions.activation, instant)
                 add_follower_fibres(external, u, actions.fibres, actions.activation, instant)
                 add_ties(external, u, actions.ties, actions.tie_placement, instant)
-            fx, fy, fz = _add_point(
-                v, force, nodes, bones, placement, instant, keep, gain, keep_change, gain_change, tangents,
-                point, bone, (x, y, z), p, (gx, gy, gz), (fx, fy, fz),
-            )  # fmt: skip
+            recurrence = (keep, gain, keep_change, gain_change)
+            touch = ((x, y, z), p, (gx, gy, gz))
+            fx, fy, fz = _add_point(state, nodes, actions, instant, recurrence, tangents, point, bone, touch, (fx, fy, fz))

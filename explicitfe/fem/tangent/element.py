@@ -13,6 +13,7 @@ The slope W' of the law is differenced with step 1e-3 to fourth order: of a poly
 from __future__ import annotations
 
 from types import ModuleType
+from typing import Any
 
 from explicitfe.fem.elements import barrier as shape_barrier
 from explicitfe.fem.elements import hourglass_stiffness, hourglass_strain
@@ -59,13 +60,12 @@ from explicitfe.fem.tangent.arrays import (
     B,
     put,
 )  # fmt: skip
-from explicitfe.platform.compiled.choose import any_below_zero, choose
+from explicitfe.platform.compiled.choose import any_below_zero, choose, load_lane
 from explicitfe.platform.compiled.jit import PLACEHOLDER, Dispatcher, bind, leaf
 from explicitfe.platform.compiled.simd import (
     WIDTH,
     inverse_cube_root,
     load,
-    load_lane,
     load_many,
     maximum,
     minimum,
@@ -85,14 +85,14 @@ stress_left = stress_change = add_barrier_change = is_suspect = prepare = add_el
 LAW_CONSTANTS = 1
 
 
-def bound(law: Leaves, treatment: ModuleType, layout: Layout, derived: bool) -> Dispatcher:
+def kernel_of(law: Leaves, treatment: ModuleType, layout: Layout, derived: bool) -> Dispatcher:
     """The kernel of the changes of the internal forces, for a law of the first invariant, with one relaxation or without."""
     change = CHANGES[treatment]
     left, changed = relaxation.elastic_stress, relaxation.elastic_change
     for place in layout:
-        here = {"AT": place.at, "MEMORY": place.memory, "TERMS": dict(place.shape)["TERMS"]}
-        left = bind(relaxation.relaxed_stress, inline=True, **here)
-        changed = bind(relaxation.relaxed_change, inline=True, **{name: here[name] for name in ("AT", "TERMS")})
+        here: dict[str, Any] = {"AT": place.at, "MEMORY": place.memory, "TERMS": dict(place.shape)["TERMS"]}
+        left = bind(relaxation.stress_of_terms, inline=True, **here)
+        changed = bind(relaxation.change_of_terms, inline=True, **{name: here[name] for name in ("AT", "TERMS")})
     guarded = treatment.HAS_BARRIER
     return bind(
         internal_change,
@@ -290,7 +290,7 @@ def gradient_of(modes, g):
 
 
 @leaf
-def strain_change(F, dF):
+def change_of_C(F, dF):
     """dC = dF^T F + F^T dF: 11, 22, 33, 12, 13, 23."""
     return (
         2.0 * (F[0] * dF[0] + F[3] * dF[3] + F[6] * dF[6]),
@@ -344,7 +344,7 @@ def add_change_of_element(blocks, block, lane, group, tangents):
     yx, yy, yz, dqy = gradient_of(to_modes(corner_changes(tangents.u, rows, shift + WIDTH)), g)
     zx, zy, zz, dqz = gradient_of(to_modes(corner_changes(tangents.u, rows, shift + 2 * WIDTH)), g)
     dF = (xx, xy, xz, yx, yy, yz, zx, zy, zz)
-    dC = strain_change(F, dF)
+    dC = change_of_C(F, dF)
     trace = dC[0] + dC[1] + dC[2]
     e = 0.5 * (K[0] * dC[0] + K[1] * dC[1] + K[2] * dC[2]) + K[3] * dC[3] + K[4] * dC[4] + K[5] * dC[5]
     delta = r[0] * dqx[0] + r[1] * dqx[1] + r[2] * dqx[2] + r[3] * dqx[3]

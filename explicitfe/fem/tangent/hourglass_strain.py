@@ -7,12 +7,13 @@ from __future__ import annotations
 
 from explicitfe.fem.elements.hourglass_strain import _strains
 from explicitfe.fem.tangent.arrays import FRAME_AT, TREATMENT_AT, put
+from explicitfe.platform.compiled.choose import load_lane
 from explicitfe.platform.compiled.jit import leaf
-from explicitfe.platform.compiled.simd import WIDTH, load_lane
+from explicitfe.platform.compiled.simd import WIDTH
 
 # Places after ``TREATMENT_AT``, with the names of ``hourglass_strain.force``: frame a_i and 1 / |a_i|^2; strains; derivatives by
 # the products q_k . a_i, by |a_i|^2 (twice), by bending and twist, and factors.
-FRAME, INVERSE_SQUARES, BENDING, TWIST, THIRD, BY_PRODUCTS, BY_LENGTHS, BY_BENDING, BY_TWIST, FACTORS = (
+CARRIED, INVERSE_SQUARES, BENDING, TWIST, THIRD, BY_PRODUCTS, BY_LENGTHS, BY_BENDING, BY_TWIST, FACTORS = (
     0, 9, 12, 18, 21, 24, 36, 39, 45, 48,
 )  # fmt: skip
 
@@ -39,9 +40,9 @@ def prepare(F, qx, qy, qz, h, weight, work):
         third_1, third_2, third_3,
     )  # fmt: skip
     at = TREATMENT_AT
-    put(work, at + FRAME, a1)
-    put(work, at + FRAME + 3, a2)
-    put(work, at + FRAME + 6, a3)
+    put(work, at + CARRIED, a1)
+    put(work, at + CARRIED + 3, a2)
+    put(work, at + CARRIED + 6, a3)
     put(work, at + INVERSE_SQUARES, w)
     put(work, at + BENDING, bending)
     put(work, at + TWIST, twist)
@@ -54,7 +55,7 @@ def prepare(F, qx, qy, qz, h, weight, work):
 
 
 @leaf
-def _turned(dF, c):
+def _product(dF, c):
     """dF c."""
     return (
         dF[0] * c[0] + dF[1] * c[1] + dF[2] * c[2],
@@ -85,7 +86,7 @@ def force_change(work, lane, q, dF, dqx, dqy, dqz):
     A1, B1, A2, B2, A3, B3 = load_lane(work, at + BENDING * WIDTH, 6)
     s12, s13, s23 = load_lane(work, at + TWIST * WIDTH, 3)
     f1, f2, f3 = load_lane(work, at + THIRD * WIDTH, 3)
-    da1, da2, da3 = _turned(dF, (c[0], c[1], c[2])), _turned(dF, (c[3], c[4], c[5])), _turned(dF, (c[6], c[7], c[8]))
+    da1, da2, da3 = _product(dF, (c[0], c[1], c[2])), _product(dF, (c[3], c[4], c[5])), _product(dF, (c[6], c[7], c[8]))
     o1, o2, o3 = (-2.0 * w1) * _dot(a1, da1), (-2.0 * w2) * _dot(a2, da2), (-2.0 * w3) * _dot(a3, da3)
 
     # strains

@@ -24,7 +24,7 @@ def elastic_change(dS, blocks, block, lane, memory, at):
     return dS
 
 
-def relaxed_stress(S, blocks, block):
+def stress_of_terms(S, blocks, block):
     """What is left of the isochoric stress S (6) [Pa] in the accepted state, and the share of it that hourglass control keeps."""
     left = number(blocks, block, AT)
     T = times(left, S)
@@ -33,7 +33,7 @@ def relaxed_stress(S, blocks, block):
     return T, left
 
 
-def relaxed_change(dS, blocks, block, lane, memory, at):
+def change_of_terms(dS, blocks, block, lane, memory, at):
     """The change of it in one element for a change dS of the elastic stress, which is remembered from ``at`` on."""
     T = times(blocks.effects[block, AT, lane], dS)
     change = minus(dS, load_many(memory, at, TENSOR))

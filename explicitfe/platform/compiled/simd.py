@@ -177,23 +177,6 @@ def load_many(typingctx, array, index, count):
     return result(array, types.intp, count), lower
 
 
-@intrinsic(prefer_literal=True)
-def load_lane(typingctx, array, index, count):
-    """One lane of ``count`` vectors (a literal number) that stand one after the other, as a tuple of float64; ``index`` is the
-    flat position of the lane in the first of them."""
-    if not isinstance(count, types.IntegerLiteral):
-        raise TypingError("load_lane: the count must be a literal or a global constant")
-    number = count.literal_value
-    result = types.UniTuple(types.float64, number)
-
-    def lower(context, builder, sig, args):
-        places = [builder.add(args[1], ir.Constant(_I64, k * WIDTH)) for k in range(number)]
-        values = [builder.load(_pointer(context, builder, sig.args[0], args[0], at), align=8) for at in places]
-        return context.make_tuple(builder, result, values)
-
-    return result(array, types.intp, count), lower
-
-
 @intrinsic
 def load_fourth(typingctx, rows, at):
     """The fourth number of each node row, in all lanes that ``load(rows, at)`` fills from that row."""

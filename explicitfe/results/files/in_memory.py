@@ -97,7 +97,7 @@ class ResultInMemory(Recorded, Recorder):
         )
         recorder.samples(self.times, rows, points, cells)
 
-    def moved(self, last: np.ndarray, histories: Mapping[str, np.ndarray]) -> ResultInMemory:
+    def copy_with(self, last: np.ndarray, histories: Mapping[str, np.ndarray]) -> ResultInMemory:
         """A copy whose last displacements are changed by ``last`` (N, 3) m, and some histories by ``histories``."""
         other = copy.copy(self)
         before = self._data["displacement"]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -36,7 +37,7 @@ FROM_POSITIONS: dict[str, tuple[str, ...]] = {
 }
 USUAL_COLUMNS = ("forward_mm", "up_mm", "right_mm")
 MOVED_M = 1e-7  # largest displacement over which a measure is differenced
-MATERIAL = "model.material"
+MATERIAL_KEY = "model.material"
 
 
 @dataclass(frozen=True)
@@ -117,7 +118,7 @@ def gradient(
     texts = setting_texts(settings)
     if isinstance(by, str) or not by or not all(isinstance(key, str) for key in by) or len(set(by)) < len(by):
         raise InputError("gradient: `by` must be a list of different keys, such as ['muscle.GGp.force_N'].")
-    texts, at = _started(path, texts, by)
+    texts, at = _with_numbers(path, texts, by)
     scenario_read = read_transient(path, texts)
     columns = _columns(of)
     if scenario_read.release is not None:
@@ -126,7 +127,7 @@ def gradient(
     def model_at(key: str, value: float) -> Model:
         return assemble(read_transient(path, [*texts, f"{key}={value!r}"]), path.parent).model
 
-    directions = [Direction(key, value, lambda x, key=key: model_at(key, x)) for key, value in zip(by, at, strict=True)]
+    directions = [Direction(key, value, partial(model_at, key)) for key, value in zip(by, at, strict=True)]
     analysis = prepare(path, texts)
     assert isinstance(analysis, TransientAnalysis)
     check_differentiable(analysis.model)
@@ -136,7 +137,7 @@ def gradient(
         summary = replace(analysis, body=body).run(result, overwrite=False, progress=progress)
     if summary["status"] != FINISHED:
         raise RunError(f"{path}: {summary['message']}")
-    names, values, jacobian = _differentiated(result, body, columns)
+    names, values, jacobian = _jacobian_of(result, body, columns)
     history = np.array(body.probe_history)
     return Gradient(
         by=tuple(by),
@@ -151,17 +152,17 @@ def gradient(
     )
 
 
-def _started(path: Path, texts: list[str], by: Sequence[str]) -> tuple[list[str], list[float]]:
+def _with_numbers(path: Path, texts: list[str], by: Sequence[str]) -> tuple[list[str], list[float]]:
     """The settings that make every key a number of the scenario, and these numbers."""
     scenario = read_transient(path, texts)
     material = scenario.model.material
-    if isinstance(material, str) and any(key.startswith(f"{MATERIAL}.") for key in by):
+    if isinstance(material, str) and any(key.startswith(f"{MATERIAL_KEY}.") for key in by):
         constants = catalogue.material(material).model_dump(exclude={"source"})
-        texts = [*texts, f"{MATERIAL}={toml_value(constants)}"]
+        texts = [*texts, f"{MATERIAL_KEY}={toml_value(constants)}"]
     listed = {muscle.name for muscle in scenario.muscle}
     for key in by:
-        first, _, rest = key.partition(".")
-        name, _, last = rest.partition(".")
+        first, _, tail = key.partition(".")
+        name, _, last = tail.partition(".")
         if first == "muscle" and not name.isdecimal() and name not in listed and last == "force_N":
             texts = [*texts, f"{key}=0.0"]
     scenario = read_transient(path, texts)
@@ -194,20 +195,20 @@ def _columns(of: Sequence[str] | None) -> tuple[str, ...] | None:
     if of is None:
         return None
     for name in of:
-        part, _, rest = name.partition(".")
+        part, _, tail = name.partition(".")
         if part not in FROM_POSITIONS:
             raise InputError(
                 f'gradient: the measure "{shortened(name)}" has no derivative here; choose one of {", ".join(FROM_POSITIONS)}.'
             )
         known = FROM_POSITIONS[part]
-        if known and rest.rpartition(".")[2] not in known:
+        if known and tail.rpartition(".")[2] not in known:
             raise InputError(
                 f'gradient: the measure "{shortened(name)}" has no derivative here; of {part} there are {", ".join(known)}.'
             )
     return tuple(of)
 
 
-def _differentiated(
+def _jacobian_of(
     result: ResultInMemory, body: Differentiated, columns: tuple[str, ...] | None
 ) -> tuple[tuple[str, ...], np.ndarray, np.ndarray]:
     """Names, values and derivatives of measures at the end."""
@@ -226,7 +227,7 @@ def _differentiated(
         moved = []
         for sign in (size, -size):
             paths = {f"probe_{name}_displacement": sign * history[:, k, p] for p, name in enumerate(body.model.probes)}
-            moved.append(_cells(result.moved(sign * change, paths), parts, step))
+            moved.append(_cells(result.copy_with(sign * change, paths), parts, step))
         jacobian[:, k] = [(moved[0][name] - moved[1][name]) / (2.0 * size) for name in columns]
     _use_exact_points(jacobian, columns, body)
     return columns, np.array([cells[name] for name in columns], dtype=float), jacobian
@@ -238,8 +239,8 @@ def _use_exact_points(jacobian: np.ndarray, columns: Sequence[str], body: Differ
     names = list(body.model.probes)
     axis = {"forward_mm": (0, -1e3), "right_mm": (1, 1e3), "up_mm": (2, 1e3)}
     for row, column in enumerate(columns):
-        part, _, rest = column.partition(".")
-        name, _, kind = rest.rpartition(".")
+        part, _, tail = column.partition(".")
+        name, _, kind = tail.rpartition(".")
         if part == "points" and name in names and kind in axis:
             component, factor = axis[kind]
             jacobian[row] = factor * last[:, names.index(name), component]

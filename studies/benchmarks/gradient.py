@@ -3,7 +3,7 @@
     python studies/benchmarks/gradient.py [DURATION_MS]
 
 Prints the processor time of a run with 8 directions over that of a run, in turns; and how many runs a Gauss-Newton search for
-the forces of four muscles takes, from the places of five points in a run with other forces, with derivatives and with differences.
+the forces of four muscles takes, from the places of five points in a run with other forces, with derivatives and differences.
 """
 
 from __future__ import annotations
@@ -93,7 +93,7 @@ def search(duration_s: float, derivatives: bool) -> None:
     begin, runs = time.process_time(), 0
 
     def run(at: np.ndarray, simulation: Simulation | None = None) -> np.ndarray:
-        simulation = simulation or Simulation(model_with(dict(zip(keys, at, strict=True))), threads=1)
+        simulation = simulation or Simulation(model_with(dict(zip(keys, at.tolist(), strict=True))), threads=1)
         assert Transient(simulation, duration_s).advance_to(duration_s) is None
         return places_mm(simulation)
 

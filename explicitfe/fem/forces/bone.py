@@ -109,21 +109,19 @@ def smooth_distance(bones, bone, first, a, b, c):
     d = gx = gy = gz = xx = yy = zz = xy = xz = yz = 0.0
     for p in range(-1, 2):
         x0, x1, x2 = _share(x, p)
+        s00 = s01 = s02 = s10 = s11 = s20 = 0.0  # sums in a plane: derivatives along y and z
         for q in range(-1, 2):
             y0, y1, y2 = _share(y, q)
+            t0 = t1 = t2 = 0.0  # along a line
             for r in range(-1, 2):
                 z0, z1, z2 = _share(z, r)
                 value = bones.distance[bones.start[bone] + ((nearest[0] + p) * ny + nearest[1] + q) * nz + nearest[2] + r]
-                d += x0 * y0 * z0 * value
-                gx += x1 * y0 * z0 * value
-                gy += x0 * y1 * z0 * value
-                gz += x0 * y0 * z1 * value
-                xx += x2 * y0 * z0 * value
-                yy += x0 * y2 * z0 * value
-                zz += x0 * y0 * z2 * value
-                xy += x1 * y1 * z0 * value
-                xz += x1 * y0 * z1 * value
-                yz += x0 * y1 * z1 * value
+                t0, t1, t2 = t0 + z0 * value, t1 + z1 * value, t2 + z2 * value
+            s00, s01, s02 = s00 + y0 * t0, s01 + y0 * t1, s02 + y0 * t2
+            s10, s11, s20 = s10 + y1 * t0, s11 + y1 * t1, s20 + y2 * t0
+        d, gx, gy, gz = d + x0 * s00, gx + x1 * s00, gy + x0 * s10, gz + x0 * s01
+        xx, yy, zz = xx + x2 * s00, yy + x0 * s20, zz + x0 * s02
+        xy, xz, yz = xy + x1 * s10, xz + x1 * s01, yz + x0 * s11
     w = 1.0 / bones.spacing[bone]
     return d, (w * gx, w * gy, w * gz), (w * w * xx, w * w * yy, w * w * zz, w * w * xy, w * w * xz, w * w * yz)
 

@@ -150,5 +150,5 @@ def _other_inputs(simulation: Simulation) -> dict[str, np.ndarray]:
         "contact with bones": np.concatenate([bones.spring, bones.damper, bones.distance, bones.origin.ravel(), bones.friction]),
         "the motion of bones": loads.bones(np.linspace(0.0, 1.0, 11))[0],
         "ties to bones": np.concatenate([ties.stiffness, ties.bone_stiffness, ties.excess]),
-        "the motion of what ties": loads.bones(np.linspace(0.0, 1.0, 11))[1],
+        "the motion of bones that hold the body": loads.bones(np.linspace(0.0, 1.0, 11))[1],
     }

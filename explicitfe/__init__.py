@@ -24,6 +24,7 @@ _PLACES = {
     "resume": "explicitfe.app.api.run",
     "save": "explicitfe.app.api.run",
     "sweep": "explicitfe.simulate.sweep.sweep",
+    "gradient": "explicitfe.simulate.sweep.gradient",
     "check": "explicitfe.simulate.run.check",
     "check_dataset": "explicitfe.inverse.close_loop.outlook",
     "identify": "explicitfe.app.api.inverse",
@@ -149,6 +150,7 @@ if TYPE_CHECKING:  # the same names for type checkers and editors; a test compar
     from explicitfe.simulate.anatomy.specimen import specimen_model as specimen_model
     from explicitfe.simulate.anatomy.tongue import tongue_model as tongue_model
     from explicitfe.simulate.run.check import check as check
+    from explicitfe.simulate.sweep.gradient import gradient as gradient
     from explicitfe.simulate.sweep.sweep import sweep as sweep
 
 

@@ -22,7 +22,7 @@ PACKAGE = ROOT / "explicitfe"
 # siblings and do not import each other.
 WINGS = {
     "platform": [{"errors"}, {"compiled", "host"}],
-    "fem": [{"mesh", "materials"}, {"elements", "bones", "effects"}, {"inputs", "forces"}, {"model"}, {"solve"}],
+    "fem": [{"mesh", "materials"}, {"elements", "bones", "effects"}, {"inputs", "forces"}, {"tangent"}, {"model"}, {"solve"}],
     "results": [{"acoustics", "documents"}, {"files"}, {"measure"}],
     "simulate": [{"scenario"}, {"anatomy"}, {"run"}, {"sweep"}],
     "inverse": [{"measured"}, {"predict"}, {"identify"}, {"close_loop"}],

@@ -81,6 +81,52 @@ def distance(bones, bone, first, a, b, c):
 
 
 @leaf
+def _share(t, k):
+    """Weight of neighbour k = -1, 0, 1 in a quadratic B-spline at t, from -1/2 to 1/2, and its first two derivatives."""
+    if k == 0:
+        return 0.75 - t * t, -2.0 * t, -2.0
+    near = 0.5 + k * t
+    return 0.5 * near * near, k * near, 1.0
+
+
+@leaf
+def smooth_distance(bones, bone, first, a, b, c):
+    """Signed distance [m], its gradient, and its second derivatives xx, yy, zz, xy, xz, yz [1/m]: a quadratic B-spline.
+
+    Its coefficients are the distances at the nodes of the grid: exact for a plane, while a surface of curvature C is rounded off
+    by C h^2 / 8 for a spacing h. Value and gradient are continuous from cell to cell.
+    """
+    nx, ny, nz = bones.shape[bone, 0], bones.shape[bone, 1], bones.shape[bone, 2]
+    at = first - bones.start[bone]
+    i, j, k = at // (ny * nz), at // nz % ny, at % nz
+    # the nearest node, none of the outermost
+    nearest = (
+        min(max(i + (a >= 0.5), 1), nx - 2),
+        min(max(j + (b >= 0.5), 1), ny - 2),
+        min(max(k + (c >= 0.5), 1), nz - 2),
+    )
+    x, y, z = a + (i - nearest[0]), b + (j - nearest[1]), c + (k - nearest[2])
+    d = gx = gy = gz = xx = yy = zz = xy = xz = yz = 0.0
+    for p in range(-1, 2):
+        x0, x1, x2 = _share(x, p)
+        s00 = s01 = s02 = s10 = s11 = s20 = 0.0  # sums in a plane: derivatives along y and z
+        for q in range(-1, 2):
+            y0, y1, y2 = _share(y, q)
+            t0 = t1 = t2 = 0.0  # along a line
+            for r in range(-1, 2):
+                z0, z1, z2 = _share(z, r)
+                value = bones.distance[bones.start[bone] + ((nearest[0] + p) * ny + nearest[1] + q) * nz + nearest[2] + r]
+                t0, t1, t2 = t0 + z0 * value, t1 + z1 * value, t2 + z2 * value
+            s00, s01, s02 = s00 + y0 * t0, s01 + y0 * t1, s02 + y0 * t2
+            s10, s11, s20 = s10 + y1 * t0, s11 + y1 * t1, s20 + y2 * t0
+        d, gx, gy, gz = d + x0 * s00, gx + x1 * s00, gy + x0 * s10, gz + x0 * s01
+        xx, yy, zz = xx + x2 * s00, yy + x0 * s20, zz + x0 * s02
+        xy, xz, yz = xy + x1 * s10, xz + x1 * s01, yz + x0 * s11
+    w = 1.0 / bones.spacing[bone]
+    return d, (w * gx, w * gy, w * gz), (w * w * xx, w * w * yy, w * w * zz, w * w * xy, w * w * xz, w * w * yz)
+
+
+@leaf
 def depth_in(bones, bone, point, x, y, z, placement, instant):
     """How deep a contact point at x, y, z has gone into a bone beyond its depth at rest, the gradient g of the distance, and how
     far the point may go before it could touch: of a bone that moves, in its own frame, where that is remembered here."""
@@ -102,7 +148,10 @@ def depth_in(bones, bone, point, x, y, z, placement, instant):
         if moves:
             note_far(bones.free, 1 + bone, point, x, y, z, clear)
         return 0.0, 0.0, 0.0, 0.0, clear
-    d, gx, gy, gz = distance(bones, bone, first, a, b, c)
+    if bones.smooth[bone]:
+        d, (gx, gy, gz), _ = smooth_distance(bones, bone, first, a, b, c)
+    else:
+        d, gx, gy, gz = distance(bones, bone, first, a, b, c)
     p = -(d + bones.rest_depth[bone, point])
     if not p > 0.0:
         # between nodes of the grid the slope of what is interpolated can be above 1, but not above 2

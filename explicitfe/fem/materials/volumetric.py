@@ -26,3 +26,9 @@ def pressure(J, K):
     """U'(J) [Pa] = K/2 (J - 1/J). 1/J is the cube of J^(-1/3), which the law needs anyway."""
     root = inverse_cube_root(J)
     return 0.5 * K * (J - root * root * root)
+
+
+@leaf
+def pressure_slope(J, K):
+    """U''(J) [Pa] = K/2 (1 + 1/J^2)."""
+    return 0.5 * K * (1.0 + 1.0 / (J * J))

@@ -138,6 +138,7 @@ class Bone:
     surface : its triangles at rest, for pictures and measures.
     motion : rigid motion over time; fixed if left out.
     friction : coefficient of Coulomb friction.
+    smooth : whether the distance is a quadratic spline, rounded over a cell of its grid, so that the force has no jumps.
     """
 
     name: str
@@ -145,6 +146,7 @@ class Bone:
     surface: TriangleSurface
     motion: RigidMotion | None = None
     friction: float = 0.0
+    smooth: bool = False
 
     @classmethod
     def of_surface(cls, name: str, points_m: np.ndarray, triangles: np.ndarray, mesh: HexMesh, *, friction: float = 0.0) -> Bone:

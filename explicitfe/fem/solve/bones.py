@@ -35,7 +35,7 @@ def bones_of(bones: Sequence[Bone], mesh: HexMesh, place: np.ndarray, mass: np.n
     nodes = np.flatnonzero((areas > 0.0) & ~held)
     nodes = nodes[np.argsort(place[nodes])]
     spring = CONTACT_STIFFNESS_PA_M * areas[nodes]
-    depth = [REST_GAP_M + np.maximum(0.0, -bone.field.at(_at_rest(bone, mesh.points[nodes]))[0]) for bone in bones]
+    depth = [REST_GAP_M + np.maximum(0.0, -_distance(bone, _at_rest(bone, mesh.points[nodes]))) for bone in bones]
     grids = [np.ascontiguousarray(bone.field.values, dtype=float) for bone in bones]
     sizes = [grid.size for grid in grids]
     return Bones(
@@ -51,8 +51,20 @@ def bones_of(bones: Sequence[Bone], mesh: HexMesh, place: np.ndarray, mass: np.n
         distance=np.concatenate([grid.ravel() for grid in grids] or [np.zeros(0)]),
         friction=np.array([bone.friction for bone in bones], dtype=float),
         moves=np.array([bone.motion is not None for bone in bones], dtype=np.int64),
+        smooth=np.array([bone.smooth for bone in bones], dtype=np.int64),
         free=np.zeros((1 + len(bones), len(nodes), 4)),
     )
+
+
+def _distance(bone: Bone, points: np.ndarray) -> np.ndarray:
+    """Signed distance of points (k, 3) of the bone's own frame, (k,) m, as the kernels see it."""
+    field = bone.field
+    if not bone.smooth:
+        return field.at(points)[0]
+    at = (points - field.origin_m) / field.spacing_m
+    inside = np.all((at >= 0.0) & (at <= np.array(field.values.shape) - 1.0), axis=1)
+    smooth = scipy.ndimage.map_coordinates(field.values, at.T, order=2, prefilter=False, mode="nearest")
+    return np.where(inside, smooth, np.inf)
 
 
 def _at_rest(bone: Bone, points: np.ndarray) -> np.ndarray:

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 from types import ModuleType
+from typing import Any
 
 import numpy as np
 
@@ -67,20 +68,27 @@ def _kernels(law: str, element: str, layout: Layout, muscles: bool, derived: boo
     return kernels_of(force, energy, internal.bound_shape(treatment, derived), surfaces if contact else apart)
 
 
-def kernels_of(force: Dispatcher, energy: Dispatcher, shape: Dispatcher, contact: ModuleType = apart) -> Kernels:
+def kernels_of(
+    force: Dispatcher,
+    energy: Dispatcher,
+    shape: Dispatcher,
+    contact: ModuleType = apart,
+    step_of: Callable[..., Any] | None = None,
+) -> Kernels:
     """Kernels from those of an element's forces and energies, and the leaf that gives its geometry.
 
-    ``contact`` is the module for contact of surfaces with each other.
+    ``contact`` is the module for contact of surfaces with each other; ``step_of`` makes another step from the usual one.
     """
     pressing = {"add_surfaces": contact.add_surfaces, "surfaces_loss": contact.surfaces_loss}
     hold = bind(restraint.hold, stored=False, add_surfaces_stiffness=contact.add_surfaces_stiffness)
     evaluate = bind(look.evaluate, stored=False, internal_force=force, hold=hold)
     snapshot = bind(step.snapshot, stored=False, internal_energy=energy, **pressing)
+    advance = bind(step.advance, stored=False, internal_force=force, **pressing)
     return Kernels(
         forces=bind(step.forces, internal_force=force),
         course=bind(
             course.course,
-            advance=bind(step.advance, stored=False, internal_force=force, **pressing),
+            advance=advance if step_of is None else step_of(advance),
             gather=bind(course.gather, stored=False, snapshot=snapshot, add_surface_pressure=contact.add_surface_pressure),
             scan=bind(look.scan, stored=False, shape=shape),
             highest_frequency=bind(look.highest_frequency, stored=False, evaluate=evaluate, hold=hold),

@@ -409,6 +409,10 @@ class Simulation(Body):
             force[part.first : part.first + part.own] = part.force[: part.own]
         return float(np.min(smallest))
 
+    def _for_all_parts(self) -> tuple[object, ...]:
+        """What the parts share; a run that is differentiated has more to share."""
+        return Shared(self.blocks, self.nodes, self._external, float(self.alpha_per_s), _UNRECORDED)
+
     def _course(
         self,
         times: np.ndarray,
@@ -421,17 +425,9 @@ class Simulation(Body):
         """Let each part have its thread; give the number of steps done. ``times`` are those of all instants, and one more."""
         looks, lookers, turns = looking_with or (self._looks, self.lookers, TURNS_LATER)
         actions = self.loads.actions(times, max(dt_s, SHORTEST_INCREMENT_S), self.bones, self.ties, self.surfaces, self._planned)
-        shared = Shared(self.blocks, self.nodes, self._external, float(self.alpha_per_s), _UNRECORDED)
-        span = Span(
-            dt_before=float(self.dt_s),
-            dt=float(dt_s),
-            steps=int(steps),
-            looking=int(looking),
-            turns=int(turns),
-            length=self._difference_m,
-            contact_frequency=self._contact_frequency,
-        )
-        others = (shared, actions, samples, 0, span, self._ledgers)
+        lengths = (self._difference_m, self._contact_frequency)
+        span = Span(float(self.dt_s), float(dt_s), int(steps), int(looking), int(turns), *lengths)
+        others = (self._for_all_parts(), actions, samples, 0, span, self._ledgers)
         gate = self.parts[0].gate
         gate[:] = 0
         tasks = [

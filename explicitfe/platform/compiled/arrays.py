@@ -228,6 +228,7 @@ class Bones(NamedTuple):
     distance: np.ndarray  # signed distances, positive outside [m], of all grids one after the other
     friction: np.ndarray  # Coulomb's coefficient, (bones,)
     moves: np.ndarray  # 1 where a bone moves, int64, (bones,)
+    smooth: np.ndarray  # 1 where the distance has a continuous gradient, int64, (bones,)
     free: np.ndarray  # displacement at which each point was seen to be far from all fixed bones [m], and the square of how far
     # [m^2]; then, of each bone that moves, the same by the place in its own frame, (1 + bones, k, 4)
 

@@ -43,6 +43,7 @@ _KERNEL_SOURCES = (
     "fem/effects/effect.py",
     "fem/effects/material",
     "fem/forces",
+    "fem/tangent",
     "fem/solve/boundary.py",
     "fem/solve/step.py",
     "fem/solve/relax_step.py",

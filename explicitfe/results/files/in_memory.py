@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Mapping
 from pathlib import Path
 from types import TracebackType
@@ -95,6 +96,14 @@ class ResultInMemory(Recorded, Recorder):
             for kind in ("point", "cell")
         )
         recorder.samples(self.times, rows, points, cells)
+
+    def copy_with(self, last: np.ndarray, histories: Mapping[str, np.ndarray]) -> ResultInMemory:
+        """A copy whose last displacements are changed by ``last`` (N, 3) m, and some histories by ``histories``."""
+        other = copy.copy(self)
+        before = self._data["displacement"]
+        other._data = {**self._data, "displacement": [*before[:-1], before[-1] + last]}
+        other._rows = {**self._rows, **{name: [self.history(name) + change] for name, change in histories.items()}}
+        return other
 
     # ---- read ----
 

@@ -50,6 +50,7 @@ def bones_of(scenario: TransientScenario, mesh: HexMesh, folder: Path) -> tuple[
             *_surface(table, built_in, folder, surface_points, bool(scenario.body)),
             motion=motion if table.moves_with_jaw else None,
             friction=table.friction,
+            smooth=table.smooth,
         )
         for table in scenario.bone
     )

@@ -31,6 +31,10 @@ class BoneTable(Table):
     )
     side_walls: bool = Field(
         default=True, description="false: the built-in pharynx is its posterior wall only, and its side walls are a [[body]]"
+    smooth: bool = Field(
+        default=False,
+        description="whether its surface is rounded over a cell of its distance grid, so that its force has no jumps: gradients "
+        "need it",
     )
     with_jaw: bool | None = Field(
         default=None, description='whether it moves with the jaw; by default true for the bone "jaw" only'

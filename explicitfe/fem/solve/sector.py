@@ -37,6 +37,10 @@ class SectorTie:
         self.on_far_side = np.zeros(len(place), dtype=bool)
         self.on_far_side[nodes] = True
 
+    def spread_to_far_side(self, rows: np.ndarray) -> None:
+        """Move the far side of displacement rows (N, 4) m as the near one, turned."""
+        rows[self.turned.node] = rows[self.turned.partner] @ np.pad(self.rotation.T, (0, 1))
+
     def gather_on_near_side(self, rows: np.ndarray) -> None:
         """Let forces (N, 4) N on the far side act on the near one, turned back."""
         turned = self.turned

@@ -11,7 +11,7 @@ from explicitfe.fem.solve.sector import SectorTie
 from explicitfe.fem.solve.stable_step import stiffness_rows
 from explicitfe.platform.compiled.arrays import FRICTION, Nodes, Springs, nodes_of, zeros
 
-STIFFENING_RESERVE = 1.1  # factor of the masses: the tissue may stiffen by so much on the way to the next load
+STIFFENING_RESERVE = 1.2  # factor of the masses: the tissue may stiffen by so much on the way to the next load
 # Turns of the iteration that finds the highest frequency. On the specimens of the tests its square is then 1.5 % low at most.
 LANCZOS_TURNS = 12
 DIFFERENCE_SHARE = 1e-7  # of the mean size of the elements, over which forces are differenced there

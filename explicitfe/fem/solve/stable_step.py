@@ -15,7 +15,7 @@ from explicitfe.platform.compiled.arrays import Blocks, node_rows, position_rows
 from explicitfe.platform.compiled.simd import ROW, WIDTH
 
 STEP_SHARE_OF_LIMIT = 0.9  # of the limit that the iteration gives
-BLOCKS_TAKEN_APART = 512  # blocks of elements that are taken apart at once, in the cache: 24 x 24 numbers an element
+BLOCKS_TAKEN_APART = 128  # blocks of elements that are taken apart at once, in the cache: 24 x 24 numbers an element
 TURNS_OF_AN_ELEMENT = 4  # of the iteration that finds its own frequency
 ELEMENTS_PER_BATCH = 256  # elements whose eigenvalues are solved for at once
 

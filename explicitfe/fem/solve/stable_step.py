@@ -104,6 +104,8 @@ def stiffness_rows(
         at_rest = u[: 8 * count, :3].reshape(count, 8, 3).copy()
         now = u[: 8 * count, :3].reshape(count, 8, 3)
         for corner, k in np.ndindex(8, 3):
+            if not collect[:, :, corner].any():
+                continue  # it moves with another one
             if turns:
                 moves = collect[:, :, corner] * step[:, None]
                 now[:] = at_rest + moves[..., None] * rotation[part][..., k]
@@ -113,7 +115,7 @@ def stiffness_rows(
             now[:] = at_rest
             change = (here - moved)[: 8 * count, :3].reshape(count, 8, 3)
             if turns:  # turned back, R^T f, and added to the corner that it counts for
-                back = np.einsum("mai,maij->maj", change, rotation[part])
+                back = (change[:, :, None] @ rotation[part])[:, :, 0]
                 change = collect.transpose(0, 2, 1) @ back
             rows[part] += np.abs(change) * (free[part, corner, k] / step)[:, None, None]
     return rows * free

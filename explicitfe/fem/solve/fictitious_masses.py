@@ -14,7 +14,7 @@ from explicitfe.platform.compiled.arrays import FRICTION, Nodes, Springs, nodes_
 STIFFENING_RESERVE = 1.2  # factor of the masses: the tissue may stiffen by so much on the way to the next load
 # Turns of the iteration that finds the highest frequency. On the specimens of the tests its square is then 2 % low at most.
 LANCZOS_TURNS = 20
-DIFFERENCE_SHARE = 1e-7  # of the mean size of the elements, over which forces are differenced there
+LANCZOS_DIFFERENCE_SHARE = 1e-7  # of the mean size of the elements, over which forces are differenced there
 
 
 def fictitious_masses(body: Body, tie: SectorTie, free: np.ndarray, contact: ToolContact, springs: Springs) -> Nodes | None:
@@ -64,7 +64,7 @@ def fictitious_masses(body: Body, tie: SectorTie, free: np.ndarray, contact: Too
 def _highest_square(body: Body, tie: SectorTie, mass: np.ndarray) -> float:
     """Largest eigenvalue of M^-1 K of the elements alone, by Lanczos' iteration (Parlett 1998, chapter 13), from below."""
     root = np.sqrt(np.divide(1.0, mass, out=zeros(mass.shape), where=mass > 0.0))
-    length_m = DIFFERENCE_SHARE * np.cbrt(body.volumes.mean())
+    length_m = LANCZOS_DIFFERENCE_SHARE * np.cbrt(body.volumes.mean())
 
     rows = zeros(mass.shape)
 

@@ -60,7 +60,7 @@ class Curve:
 
     elements: int
     points: list[Equilibrium]
-    seconds: list[float]  # of each load, compiled before
+    seconds: list[float]  # of CPU time for each load, compiled before
 
     @property
     def mm(self) -> np.ndarray:
@@ -73,9 +73,9 @@ def run(case: str, friction: float | str = 0.0, tolerance: float = 1e-4, **speci
     body.compile()
     points, seconds = [], []
     for load in LOADS:
-        begin = time.perf_counter()
+        begin = time.process_time()
         state = body.press(float(load))
-        seconds.append(time.perf_counter() - begin)
+        seconds.append(time.process_time() - begin)
         if not isinstance(state, Equilibrium):
             raise SystemExit(f"{case}, {specimen}: {load:g} N was not reached: {state}")
         points.append(state)
@@ -145,7 +145,7 @@ def friction_table() -> str:
 
 
 def time_table(repeats: int = 3) -> str:
-    """Seconds of eight loads, the best of some repeats, without compiling."""
+    """CPU seconds of eight loads, the best of some repeats, without compiling."""
     lines = []
     for symmetry, asked in ASKED_s.items():
         for case in CASES:

@@ -125,9 +125,13 @@ def test_a_force_that_falls_while_the_tool_goes_deeper_is_noted():
     assert not any("the force falls" in note for note in equilibrium_notes(back, elastic=True))
 
 
-def test_a_base_that_carries_another_force_is_noted(tmp_path):
-    summary = run(tmp_path, "analysis.tolerance=1e-2", "analysis.forces_N=[0.4, 0.8]")
-    assert any("the base carries up to" in note and "smaller analysis.tolerance" in note for note in summary["warnings"])
+def test_a_base_that_carries_another_force_is_noted():
+    """Off by 2 % of the largest load, and by 0.5 %, which is no reason."""
+    curve = [point(0.0, 0.0), point(1e-3, 0.4, reaction_N=0.384), point(2e-3, 0.8)]
+    notes = equilibrium_notes(curve, elastic=True)
+    assert any("the base carries up to 0.016 N more or less" in note and "smaller analysis.tolerance" in note for note in notes)
+    curve[1] = point(1e-3, 0.4, reaction_N=0.396)
+    assert not any("the base carries" in note for note in equilibrium_notes(curve, elastic=True))
 
 
 def test_a_tool_that_touches_nothing_is_noted():

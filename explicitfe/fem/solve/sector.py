@@ -37,8 +37,13 @@ class SectorTie:
         self.on_far_side = np.zeros(len(place), dtype=bool)
         self.on_far_side[nodes] = True
 
+    def spread_to_far_side(self, rows: np.ndarray) -> None:
+        """Move the far side of displacement rows (N, 4) m as the near one, turned."""
+        turned = self.turned
+        rows[turned.node, :3] = rows[turned.partner, :3] @ self.rotation.T
+
     def gather_on_near_side(self, rows: np.ndarray) -> None:
         """Let forces (N, 4) N on the far side act on the near one, turned back."""
         turned = self.turned
-        np.add.at(rows, turned.partner, rows[turned.node] @ np.pad(self.rotation, (0, 1)))
+        rows[turned.partner, :3] += rows[turned.node, :3] @ self.rotation  # no node has two partners
         rows[turned.node] = 0.0

@@ -15,7 +15,7 @@ from explicitfe.platform.compiled.arrays import Blocks, node_rows, position_rows
 from explicitfe.platform.compiled.simd import ROW, WIDTH
 
 STEP_SHARE_OF_LIMIT = 0.9  # of the limit that the iteration gives
-BLOCKS_TAKEN_APART = 512  # blocks of elements that are taken apart at once, in the cache: 24 x 24 numbers an element
+BLOCKS_TAKEN_APART = 128  # blocks of elements that are taken apart at once, in the cache: 24 x 24 numbers an element
 TURNS_OF_AN_ELEMENT = 4  # of the iteration that finds its own frequency
 ELEMENTS_PER_BATCH = 256  # elements whose eigenvalues are solved for at once
 
@@ -93,23 +93,31 @@ def stiffness_rows(
     rotation : (m, 8, 3, 3) that leads from the partner's displacement to its own.
     """
     rows = np.zeros(free.shape)
+    corners = np.arange(8)
+    turns = bool((own != corners).any())
     for part, some, u in _taken_apart(blocks, displacement):
         count = part.stop - part.start
         moved, here = np.empty_like(u), np.empty_like(u)
         minus_force(u, here, some)
-        collect = (own[part][:, :, None] == np.arange(8)).astype(float)  # (count, corner, corner that it counts for)
+        collect = (own[part][:, :, None] == corners).astype(float)  # (count, corner, corner that it counts for)
         step = 1e-6 * length_m[part]
-        for corner in range(8):
-            moves = collect[:, :, corner] * step[:, None]
-            if not moves.any():
-                continue
-            for k in range(3):
-                shifted = displacement[part] + moves[..., None] * rotation[part][..., k]
-                u[: 8 * count, :3] = shifted.reshape(-1, 3)
-                minus_force(u, moved, some)
-                change = (here - moved)[: 8 * count, :3].reshape(count, 8, 1, 3)
-                back = (change @ rotation[part])[:, :, 0]  # turned back: R^T f
-                rows[part] += np.abs(collect.transpose(0, 2, 1) @ back) * (free[part, corner, k] / step)[:, None, None]
+        at_rest = u[: 8 * count, :3].reshape(count, 8, 3).copy()
+        now = u[: 8 * count, :3].reshape(count, 8, 3)
+        for corner, k in np.ndindex(8, 3):
+            if not collect[:, :, corner].any():
+                continue  # it moves with another one
+            if turns:
+                moves = collect[:, :, corner] * step[:, None]
+                now[:] = at_rest + moves[..., None] * rotation[part][..., k]
+            else:
+                now[:, corner, k] += step
+            minus_force(u, moved, some)
+            now[:] = at_rest
+            change = (here - moved)[: 8 * count, :3].reshape(count, 8, 3)
+            if turns:  # turned back, R^T f, and added to the corner that it counts for
+                back = (change[:, :, None] @ rotation[part])[:, :, 0]
+                change = collect.transpose(0, 2, 1) @ back
+            rows[part] += np.abs(change) * (free[part, corner, k] / step)[:, None, None]
     return rows * free
 
 

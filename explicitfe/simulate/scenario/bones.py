@@ -31,6 +31,7 @@ class BoneTable(Table):
     )
     side_walls: bool = Field(
         default=True, description="false: the built-in pharynx is its posterior wall only, and its side walls are a [[body]]"
+    )
     smooth: bool = Field(
         default=False,
         description="whether its surface is rounded over a cell of its distance grid, so that its force has no jumps: gradients "

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 
-from explicitfe.fem.forces.bone import TANGENTIAL_DAMPER_SHARE, cell, depth_in, is_far, smooth_distance
+from explicitfe.fem.forces.bone import TANGENTIAL_DAMPER_SHARE, cell, depth_in, is_far, penalty, smooth_distance
 from explicitfe.fem.forces.dead import add_dead_loads
 from explicitfe.fem.forces.follower import add_follower_fibres
 from explicitfe.fem.forces.ties import add_ties
@@ -101,7 +101,7 @@ def _add_point(state, nodes, actions, instant, recurrence, tangents, point, bone
 
     # the force, as in forces/bone.py
     spring, damper = bones.spring[point], bones.damper[point]
-    push = spring * p
+    push, stiffness, _ = penalty(spring, p)
     size = math.sqrt(_dot(g, g))
     n = _along(1.0 / size, g)
     elastic = _along(push, g)
@@ -144,7 +144,7 @@ def _add_point(state, nodes, actions, instant, recurrence, tangents, point, bone
         )
         if moves:
             dg = in_space(placement, instant, bone, dg[0], dg[1], dg[2])
-        dpush = (-spring) * _dot(g, du)
+        dpush = (-stiffness) * _dot(g, du)
         along = _dot(n, dg)
         dn = _along(1.0 / size, _minus(dg, (along * n[0], along * n[1], along * n[2])))
         de = (push * dg[0] + g[0] * dpush, push * dg[1] + g[1] * dpush, push * dg[2] + g[2] * dpush)

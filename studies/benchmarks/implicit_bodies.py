@@ -28,6 +28,7 @@ SIDES = np.array([(0, 3, 2, 1), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3,
 POINTS = CORNERS / np.sqrt(3.0)  # of integration
 HALVES = 2.0 * np.stack(np.unravel_index(np.arange(8), (2, 2, 2)), axis=1) - 1.0  # middles of the parts of a quadratic element
 DEEPEST_M = 4e-3  # points that are deeper in a surface count as outside
+STIFFENING_M = 1e-4  # depth in a bone at which its springs push twice as hard as at first
 LONGEST_EDGE_M = 4e-3  # of triangles of bones; larger ones are halved
 LONGEST_CHANGE_M = 1e-3  # of a node in one iteration
 SYMMETRIC = {"permc_spec": "MMD_AT_PLUS_A", "diag_pivot_thresh": 0.0, "options": {"SymmetricMode": True}}  # of SuperLU
@@ -323,7 +324,7 @@ def differenced(slope: Callable[[np.ndarray], np.ndarray], x: np.ndarray) -> np.
 
 @dataclass(frozen=True)
 class Bone:
-    """Contact of nodes with a rigid surface, beyond their depth at rest; the bone is at R X + s.
+    """Contact of nodes with a rigid surface, beyond their depth p at rest: k A p (1 + p / p0); the bone is at R X + s.
 
     Attributes
     ----------
@@ -357,11 +358,12 @@ class Bone:
 
         def slope(x: np.ndarray) -> np.ndarray:
             beyond, out = depth(x)
-            return -(self.springs[which] * beyond)[:, None, None] * out[:, None]
+            return -(self.springs[which] * beyond * (1.0 + beyond / STIFFENING_M))[:, None, None] * out[:, None]
 
         x = x[which][:, None]
         each = self.rotation @ differenced(slope, x) @ self.rotation.T
-        energy = 0.5 * self.springs[which] @ depth(x)[0] ** 2
+        beyond, _ = depth(x)
+        energy = self.springs[which] @ (beyond**2 / 2.0 + beyond**3 / (3.0 * STIFFENING_M))
         return Part(energy, self.nodes[which][:, None], slope(x) @ self.rotation.T, each)
 
 

@@ -2,10 +2,11 @@
 
 A node with tributary area A that lies p deep in a bone is pushed out along the gradient g of the signed distance d,
 
-    f = A k p (1 + p / p0) g - c v_n n - c_t v_t,   p = -(d + d0) > 0,   n = g / |g|,   c = sqrt(k A m),   c_t = c / 20 + mu N / |v_t|,
+    f = A k p (1 + p / p0) g - c v_n n - c_t v_t,   p = -(d + d0) > 0,   n = g / |g|,
+    c = sqrt(k A m),   c_t = c / 20 + mu N / |v_t|,
 
-with its velocity v relative to the bone, parts along n and across it. The first term derives from the energy k A (p^2 / 2 + p^3 / (3 p0)):
-it is soft at first touch, and a pressure of 20 kPa goes three times as deep as one of 2 kPa, not ten times. The
+with its velocity v relative to the bone, parts along n and across it. The first term derives from the energy
+k A (p^2 / 2 + p^3 / (3 p0)): contact is soft at first touch, and 20 kPa go four times as deep as 2 kPa, not ten times. The
 dampers take the mean velocity of the step, so they are stable at every step length and what they lose is counted to the last
 bit; they never pull. Friction (Coulomb, mu > 0) is smoothed: below ``CREEP_M_S`` a body that sticks creeps instead.
 """

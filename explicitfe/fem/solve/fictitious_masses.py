@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.linalg import eigvalsh_tridiagonal
+import scipy
 
 from explicitfe.fem.solve.body import Body
 from explicitfe.fem.solve.contact_points import ToolContact
@@ -88,4 +88,4 @@ def _highest_square(body: Body, tie: SectorTie, mass: np.ndarray) -> float:
         if beside[-1] == 0.0:
             break
         last, vector = vector, product / beside[-1]
-    return float(eigvalsh_tridiagonal(diagonal, beside[1 : len(diagonal)])[-1])
+    return float(scipy.linalg.eigvalsh_tridiagonal(diagonal, beside[1 : len(diagonal)])[-1])

@@ -6,9 +6,9 @@ A node with tributary area A that lies p deep in a bone is pushed out along the 
     c = sqrt(k A m),   c_t = c / 20 + mu N / |v_t|,
 
 with its velocity v relative to the bone, parts along n and across it. The first term derives from the energy
-k A (p^2 / 2 + p^3 / (3 p0)): contact is soft at first touch, and 20 kPa go four times as deep as 2 kPa, not ten times. The
-dampers take the mean velocity of the step, so they are stable at every step length and what they lose is counted to the last
-bit; they never pull. Friction (Coulomb, mu > 0) is smoothed: below ``CREEP_M_S`` a body that sticks creeps instead.
+k A (p^2 / 2 + p^3 / (3 p0)): contact is soft at first touch, and 20 kPa penetrate four times as deep as 2 kPa instead of ten
+times. The dampers take the mean velocity of the step, so they are stable at every step length and what they lose is counted to
+the last bit; they never pull. Friction (Coulomb, mu > 0) is smoothed: below ``CREEP_M_S`` a body that sticks creeps instead.
 """
 
 from __future__ import annotations

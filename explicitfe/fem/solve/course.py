@@ -148,8 +148,8 @@ def course(state, part, looks, looker, shared, actions, samples, instant, span, 
 def needs_all_turns(watch, ahead, barrier, margins):
     """Whether few turns may miss something: a bound or the barrier calls, the step may be lengthened, or the barrier is stiff.
 
-    Otherwise no node's bound has grown by what it may since all turns were made last, and few turns follow the same vibration. A
-    barrier that is softer than what may come without any look cannot hide another one.
+    Otherwise no node's bound has grown by what it may since all turns were made last, and few turns follow the same vibration.
+    The barrier counts as stiff above the increase that is allowed between two stability checks.
     """
     stiff = barrier > margins.barrier * (2.0 / watch[LIMIT]) ** 2
     due = watch[PERIOD] >= STEPS_IN_A_PERIOD or watch[SINCE] >= STEPS_THAT_CALL_FOR_ALL_TURNS

@@ -1,4 +1,4 @@
-"""How a constant or a force changes what the kernels read: differences of models, with no knowledge of what the constant means.
+"""Derivatives of the input arrays of the kernels by a constant or a force, from finite differences of models.
 
 The models at nearby values of a constant are built, and their arrays are compared. What depends linearly on it is differenced
 exactly, anything else to fourth order. An array that changes, and whose changes the tangents do not know, is a reason to refuse.
@@ -40,7 +40,7 @@ class Direction:
 
 
 def inputs_of(simulation: Simulation, directions: Sequence[Direction]) -> dict[str, np.ndarray]:
-    """The derivatives of what the kernels read, by the names of the fields of ``Tangents``.
+    """Derivatives of the input arrays of the kernels; the keys are the names of the fields of ``Tangents``.
 
     Raises
     ------

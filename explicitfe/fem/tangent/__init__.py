@@ -1,1 +1,1 @@
-"""Derivatives of a run by muscle forces and constants: what is advanced beside it, in lanes of directions."""
+"""Forward-mode derivatives of a run by muscle forces and constants; each SIMD lane holds one direction."""

@@ -66,7 +66,7 @@ def _dot(a, b):
 
 @leaf
 def _slope_and_curvature(s):
-    """phi' and phi'' at s = r_a / t; below the last ratio phi goes on as a straight line."""
+    """phi' and phi'' at s = r_a / t; phi is extended linearly below ``LAST_RATIO``."""
     within = max(s, LAST_RATIO)
     left = max(1.0 - within, 0.0)
     slope = -(left * left) * (2.0 * within + 1.0) / (within * within)

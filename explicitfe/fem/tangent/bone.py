@@ -71,7 +71,7 @@ def _minus(a, b):
 
 @leaf
 def _add_point(state, nodes, actions, instant, recurrence, tangents, point, bone, touch, before):
-    """Add the change of the force of one bone on one point; give the force on it of this bone and those before, (3,) N.
+    """Add the tangent of the contact force of one bone on one point; give the sum of the forces of the bones so far, (3,) N.
 
     ``recurrence`` is keep, gain and their changes, and ``touch`` where the point is, how deep in the bone, and the gradient.
     """

@@ -25,7 +25,7 @@ def elastic_change(dS, blocks, block, lane, memory, at):
 
 
 def stress_of_terms(S, blocks, block):
-    """What is left of the isochoric stress S (6) [Pa] in the accepted state, and the share of it that hourglass control keeps."""
+    """Relaxed part of the isochoric stress S (6) [Pa] in the accepted state, and its long-term fraction for hourglass control."""
     left = number(blocks, block, AT)
     T = times(left, S)
     for term in range(TERMS):

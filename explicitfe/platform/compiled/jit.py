@@ -19,6 +19,7 @@ import numba
 from numba.core.dispatcher import Dispatcher
 
 from explicitfe.platform.compiled.cache import store_compiled_code
+from explicitfe.platform.compiled.parts import KernelCompiler, PartCompiler
 from explicitfe.platform.compiled.simd import WIDTH
 
 # contract: multiply and add may fuse. No reassociation (sums keep their order), no nnan or ninf (NaN checks keep their
@@ -33,6 +34,9 @@ OPTIONS: dict[str, object] = {
     # the work itself in loops over the points of a contact.
     "_nrt": False,
 }
+
+# Python never calls what only kernels call: wrappers that take its arguments apart take long to compile.
+PART: dict[str, Any] = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True, "pipeline_class": PartCompiler}
 
 _PACKAGE = Path(__file__).parents[2]
 # Where anything that can reach machine code stands.
@@ -59,7 +63,7 @@ PLACEHOLDER: Any = None  # stands for a leaf or a number that ``bind`` puts in i
 
 def leaf(function: Template) -> Dispatcher:
     """Compile ``function`` into its callers; not cached by itself."""
-    return numba.jit(function, forceinline=True, **OPTIONS)
+    return numba.jit(function, forceinline=True, **OPTIONS, **PART)
 
 
 def part_of_kernels(function: Template) -> Dispatcher:
@@ -96,11 +100,10 @@ def bind(
     bound.__doc__ = template.__doc__
     bound.__module__ = template.__module__
     bound.__qualname__ = f"{template.__qualname__}_{_digest(bindings)}"
-    options = OPTIONS | {"_nrt": allocates}
-    if not stored:  # python never calls it: wrappers that take its arguments apart take long to compile
-        options |= {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+    is_kernel = stored and not inline
+    options = OPTIONS | {"_nrt": allocates} | ({"pipeline_class": KernelCompiler} if is_kernel else PART)
     dispatcher = numba.jit(bound, forceinline=inline, **options)
-    if stored and not inline:
+    if is_kernel:
         store_compiled_code(dispatcher)
     return dispatcher
 

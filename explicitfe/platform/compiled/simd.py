@@ -21,6 +21,7 @@ from numba.core.errors import TypingError
 from numba.core.extending import intrinsic, models, overload, register_model, type_callable
 from numba.core.imputils import lower_builtin, lower_cast
 
+from explicitfe.platform.compiled.parts import PartCompiler
 from explicitfe.platform.errors import InputError
 
 POSSIBLE_LANES = (2, 4, 8)
@@ -357,12 +358,15 @@ _erf_lanes = _by_lane("_erf_lanes", "Error function lane by lane.", _extern("erf
 _log_lanes = _by_lane("_log_lanes", "Logarithm lane by lane.", lambda module: module.declare_intrinsic("llvm.log", [_F64]))
 
 
+_INLINE = {"forceinline": True, "pipeline_class": PartCompiler}
+
+
 def exp(value):
     """Exponential of a float or of a vector."""
     return math.exp(value)
 
 
-@overload(exp, jit_options={"forceinline": True})
+@overload(exp, jit_options=_INLINE)
 def _exp(value):
     return (lambda value: _exp_lanes(value)) if value == vector else (lambda value: math.exp(value))
 
@@ -372,7 +376,7 @@ def erf(value):
     return math.erf(value)
 
 
-@overload(erf, jit_options={"forceinline": True})
+@overload(erf, jit_options=_INLINE)
 def _erf(value):
     return (lambda value: _erf_lanes(value)) if value == vector else (lambda value: math.erf(value))
 
@@ -394,7 +398,7 @@ def log(value):
     return math.log(value)
 
 
-@overload(log, jit_options={"forceinline": True})
+@overload(log, jit_options=_INLINE)
 def _log(value):
     return (lambda value: _log_lanes(value)) if value == vector else (lambda value: math.log(value))
 
@@ -417,7 +421,7 @@ def _sqrt_lanes(typingctx, value):
     return vector(vector), lower
 
 
-@overload(square_root, jit_options={"forceinline": True})
+@overload(square_root, jit_options=_INLINE)
 def _square_root(value):
     return (lambda value: _sqrt_lanes(value)) if value == vector else (lambda value: math.sqrt(value))
 
@@ -427,12 +431,11 @@ def inverse_cube_root(value):
     return value ** (-1.0 / 3.0)
 
 
-@overload(inverse_cube_root, jit_options={"forceinline": True})
+@overload(inverse_cube_root, jit_options=_INLINE)
 def _inverse_cube_root(value):
     if value == vector:
 
-        def by_newton(value):
-            # y <- y (4 - value y^3) / 3 doubles the digits at each turn: 3e-2, 2e-3, 1e-5, 3e-10, rounding
+        def by_newton(value):  # y <- y (4 - value y^3) / 3 doubles the digits at each turn: 3e-2, 2e-3, 1e-5, 3e-10, rounding
             y = _cbrt_guess(value)
             third = value * (1.0 / 3.0)
             for _ in range(4):

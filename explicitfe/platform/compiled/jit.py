@@ -35,8 +35,9 @@ OPTIONS: dict[str, object] = {
     "_nrt": False,
 }
 
-# Python never calls what only kernels call: wrappers that take its arguments apart take long to compile.
-PART: dict[str, Any] = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True, "pipeline_class": PartCompiler}
+# Wrappers that take arguments apart take long to compile: Python calls kernels only, and C calls none.
+KERNEL: dict[str, Any] = {"no_cfunc_wrapper": True, "pipeline_class": KernelCompiler}
+PART: dict[str, Any] = {"no_cfunc_wrapper": True, "no_cpython_wrapper": True, "pipeline_class": PartCompiler}
 
 _PACKAGE = Path(__file__).parents[2]
 # Where anything that can reach machine code stands.
@@ -101,7 +102,7 @@ def bind(
     bound.__module__ = template.__module__
     bound.__qualname__ = f"{template.__qualname__}_{_digest(bindings)}"
     is_kernel = stored and not inline
-    options = OPTIONS | {"_nrt": allocates} | ({"pipeline_class": KernelCompiler} if is_kernel else PART)
+    options = OPTIONS | {"_nrt": allocates} | (KERNEL if is_kernel else PART)
     dispatcher = numba.jit(bound, forceinline=inline, **options)
     if is_kernel:
         store_compiled_code(dispatcher)

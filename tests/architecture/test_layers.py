@@ -167,9 +167,9 @@ def test_the_statistics_know_no_tissue():
 
 
 def test_only_jit_compiles():
-    """numba is imported in jit.py, in those that teach it vectors, choosing, waiting, linking, and in one that watches it."""
+    """numba is imported in jit.py, in what teaches it vectors, choosing, waiting, linking, calling, and in what watches it."""
     users = {module for module, tree in TREES.items() if any(n.split(".")[0] == "numba" for n, _ in imports(tree))}
-    compiled = {f"platform.compiled.{name}" for name in ("cache", "choose", "jit", "parts", "simd", "threads")}
+    compiled = {f"platform.compiled.{name}" for name in ("cache", "choose", "jit", "parts", "pieces", "simd", "threads")}
     assert users == compiled | {"platform.host.code_cache"}
     compilers = {"jit", "njit", "vectorize", "guvectorize", "jitclass", "cfunc", "stencil"}
     for node in ast.walk(TREES["platform.compiled.simd"]):

@@ -239,7 +239,7 @@ from explicitfe.fem.solve.equilibrium import Relaxation
 mesh = block_mesh((2, 2, 2))
 simulation = Simulation(model_of(mesh, element={element!r}, bones=(floor_below(mesh),)))
 seconds = simulation.compile() + Relaxation(small_indentation(element={element!r})).compile()
-names = [name for name in simulation.kernels.__dataclass_fields__]
+names = [name for name in simulation.kernels.__dataclass_fields__ if name != "known"]
 stats = {{name: getattr(simulation.kernels, name).stats for name in names}}
 counts = {{name: [sum(s.cache_hits.values()), sum(s.cache_misses.values())] for name, s in stats.items()}}
 print(json.dumps({{"seconds": seconds, **counts}}))
@@ -256,7 +256,7 @@ def test_the_next_process_does_not_compile(element, record_property):
     counts = json.loads(in_a_process(path + SECOND.format(element=element)))
     seconds = counts.pop("seconds")
     record_property("seconds", seconds)
-    assert set(counts) == set(kernels("yeoh", element).__dataclass_fields__)
+    assert {*counts, "known"} == set(kernels("yeoh", element).__dataclass_fields__)
     assert all(hits_and_misses == [1, 0] for hits_and_misses in counts.values()), counts
 
 
@@ -305,7 +305,7 @@ def test_one_signature_per_kernel(element):
         body.contact_pressure()
         body.internal_force(body.displacement)
     compiled = kernels("yeoh", element)
-    for name in compiled.__dataclass_fields__:
+    for name in set(compiled.__dataclass_fields__) - {"known"}:
         assert len(getattr(compiled, name).signatures) == 1, name
 
 

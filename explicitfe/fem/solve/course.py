@@ -39,13 +39,12 @@ from explicitfe.platform.compiled.arrays import (
     BoneRecord,
 )
 from explicitfe.platform.compiled.jit import leaf
+from explicitfe.platform.compiled.pieces import call_at
 from explicitfe.platform.compiled.threads import asked_to_stop, ticks, wait
 
 # Placeholders, bound in solve/kernels.py.
 advance: Any = None
 snapshot: Any = None
-highest_frequency: Any = None
-scan: Any = None
 
 NO_LOOKS, AUTOMATIC_STEP, UNDAMPED_STEP, FIXED_STEP, LIMIT_ALONE = range(5)  # what ``looking`` can be
 # There are no more turns once the square of the highest frequency rises by less than this share in one; but it may pause for some
@@ -71,7 +70,7 @@ def course(state, part, looks, looker, shared, actions, samples, instant, span, 
     span : Span.
     ledgers : (parts, LEDGER). That of each part, changed in place.
     """
-    dt_before, dt, steps, looking, turns, length, contact_frequency = span
+    dt_before, dt, steps, looking, turns, length, contact_frequency, addresses = span
     watch = looker.watch
     margins = margins_of(looking == UNDAMPED_STEP)
     ledger = ledgers[part.number]
@@ -81,7 +80,7 @@ def course(state, part, looks, looker, shared, actions, samples, instant, span, 
         if taken < len(samples.instant) and samples.instant[taken] == instant:
             if part.number == 0:
                 now = ticks()
-                gather(state, shared, actions, instant, dt_before, ledgers, samples, taken)
+                call_at(addresses.gather, (state, shared, actions, instant, dt_before, ledgers, samples, taken))
                 looks.spent[IN_SAMPLES] += ticks() - now
             taken += 1
             wait(part.gate, part.parts)
@@ -93,7 +92,7 @@ def course(state, part, looks, looker, shared, actions, samples, instant, span, 
                 now = ticks()
                 ahead = 0.0
                 if looking != LIMIT_ALONE:
-                    scan(state, part, looks, looker, shared.nodes, dt)
+                    call_at(addresses.scan, (state, part, looks, looker, shared.nodes, dt))
                     ahead = steps_ahead(part, looks)
                 sought = is_due(watch, ahead)
                 if sought:
@@ -103,7 +102,8 @@ def course(state, part, looks, looker, shared, actions, samples, instant, span, 
                     thorough = looking != AUTOMATIC_STEP or needs_all_turns(watch, ahead, barrier, margins)
                     while True:
                         most = turns if thorough else FEWEST_TURNS
-                        highest = highest_frequency(state, part, looks, looker, actions, instant, most, NOT_SETTLED, length)
+                        seeking = (state, part, looks, looker, actions, instant, most, NOT_SETTLED, length)
+                        highest = call_at(addresses.highest_frequency, seeking)
                         limit = limit_of(highest, contact_frequency)
                         if thorough or limit >= SURE_SHARE_OF_LIMIT * watch[LIMIT]:
                             break
@@ -167,7 +167,7 @@ def more_room(watch, dt, margins):
 
 
 def gather(state, shared, actions, instant, dt, ledgers, samples, number):
-    """Write the present state, that of an instant, into a sample."""
+    """Write the present state, that of an instant, into a sample; give 0."""
     rows, lanes = samples.rows, samples.lanes
     ledger = samples.ledger
     for entry in range(len(ledger)):
@@ -200,3 +200,4 @@ def gather(state, shared, actions, instant, dt, ledgers, samples, number):
     for bone in range(len(bones.start)):
         for point in range(len(bones.node)):
             samples.pressure[number, bone, samples.touching[point]] = samples.point_pressure[bone, point]
+    return 0.0

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
 from types import ModuleType
 from typing import Any
@@ -17,8 +17,9 @@ from explicitfe.fem.forces import apart, internal, internal_full, surfaces
 from explicitfe.fem.forces.response import Layout
 from explicitfe.fem.materials import law_of
 from explicitfe.fem.solve import course, look, relax_step, restraint, step
-from explicitfe.platform.compiled.arrays import Blocks, Contact
+from explicitfe.platform.compiled.arrays import Addresses, Blocks, Contact
 from explicitfe.platform.compiled.jit import Dispatcher, bind, kernel
+from explicitfe.platform.compiled.pieces import Piece, address_of, compile_pieces, typeof
 
 
 @dataclass(frozen=True)
@@ -28,16 +29,43 @@ class Kernels:
     Attributes
     ----------
     forces, elastic_energy : of ``solve/step.py``.
-    course : of ``solve/course.py``.
+    course, gather : of ``solve/course.py``.
+    scan, highest_frequency : of ``solve/look.py``.
     relax, press, touch : of ``solve/relax_step.py``.
     """
 
-    forces: Callable[[np.ndarray, np.ndarray, Blocks], float]
-    course: Callable[..., int]
+    forces: Dispatcher
+    course: Dispatcher
+    gather: Dispatcher
+    scan: Dispatcher
+    highest_frequency: Dispatcher
     relax: Callable[..., int]
     elastic_energy: Callable[[np.ndarray, Blocks, np.ndarray, np.ndarray, np.ndarray], tuple[float, float, float, float]]
     press: Callable[[np.ndarray, np.ndarray, Contact, np.ndarray], float]
     touch: Callable[[np.ndarray, Contact, np.ndarray, np.ndarray, np.ndarray, np.ndarray], None]
+    known: list[Addresses] = field(default_factory=list, compare=False)
+
+    def addresses(self, arguments: tuple[Any, ...]) -> Addresses:
+        """Addresses of the pieces that a course with these arguments calls, whose span may have any.
+
+        They are compiled with it, and with ``forces``, where that has not been done.
+        """
+        if not self.known:
+            signature = tuple(typeof(argument) for argument in arguments)
+            state, part, looks, looker, shared, actions, samples, whole, _, ledgers = signature
+            nodes, number = typeof(arguments[4].nodes), typeof(0.0)
+            pieces: dict[str, Piece] = {
+                "highest_frequency": (
+                    self.highest_frequency,
+                    (state, part, looks, looker, actions, whole, whole, number, number),
+                ),
+                "scan": (self.scan, (state, part, looks, looker, nodes, number)),
+                "gather": (self.gather, (state, shared, actions, whole, number, ledgers, samples, whole)),
+            }
+            forces = self.forces, (typeof(arguments[0].u), typeof(arguments[0].force), typeof(arguments[4].blocks))
+            compile_pieces([(self.course, signature), *pieces.values(), forces])
+            self.known.append(Addresses(**{name: address_of(piece) for name, piece in pieces.items()}))
+        return self.known[0]
 
 
 # An element: the templates of its forces, and its hourglass treatment or Gauss points. The first is the default.
@@ -86,13 +114,10 @@ def kernels_of(
     advance = bind(step.advance, stored=False, internal_force=force, **pressing)
     return Kernels(
         forces=bind(step.forces, internal_force=force),
-        course=bind(
-            course.course,
-            advance=advance if step_of is None else step_of(advance),
-            gather=bind(course.gather, stored=False, snapshot=snapshot, add_surface_pressure=contact.add_surface_pressure),
-            scan=bind(look.scan, stored=False, shape=shape),
-            highest_frequency=bind(look.highest_frequency, stored=False, evaluate=evaluate, hold=hold),
-        ),
+        course=bind(course.course, advance=advance if step_of is None else step_of(advance)),
+        gather=bind(course.gather, apart=True, snapshot=snapshot, add_surface_pressure=contact.add_surface_pressure),
+        scan=bind(look.scan, apart=True, shape=shape),
+        highest_frequency=bind(look.highest_frequency, apart=True, evaluate=evaluate, hold=hold),
         relax=bind(relax_step.relax, internal_force=force),
         elastic_energy=bind(step.elastic_energy, internal_energy=energy),
         press=kernel(relax_step.press),

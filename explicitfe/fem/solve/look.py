@@ -292,7 +292,7 @@ def vector_of(tridiagonal, count, eigenvalue):
 
 
 def scan(state, part, looks, looker, nodes, dt):
-    """The bound at each node, now and after one step dt at the present velocities, into ``looks.bound``."""
+    """The bound at each node, now and after one step dt at the present velocities, into ``looks.bound``; give 0."""
     force, blocks = looker.force, looker.blocks
     force[:] = 0.0
     for block in range(len(blocks.nodes)):
@@ -345,6 +345,7 @@ def scan(state, part, looks, looker, nodes, dt):
                 now, then = now + looker.lower[row, 0] / mass, then + looker.lower[row, 1] / mass
         looks.bound[node, 0], looks.bound[node, 1] = now, then
     wait(part.gate, part.parts)
+    return 0.0
 
 
 @leaf

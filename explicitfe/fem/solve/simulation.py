@@ -29,6 +29,7 @@ from explicitfe.platform.compiled.arrays import (
     LIMIT,
     SMALLEST_CORNER,
     SMALLEST_J,
+    Addresses,
     Blocks,
     BoneRecord,
     Looker,
@@ -44,6 +45,7 @@ from explicitfe.platform.errors import InputError
 
 _UNRECORDED = BoneRecord(np.zeros((0, 0)), np.zeros((0, 0)))
 _NOTHING = np.zeros(0, dtype=np.int64)  # no instants: asks for no samples
+_UNKNOWN = Addresses(0, 0, 0)
 SHORTEST_INCREMENT_S = 1e-12  # that the instants of a state before the first step are apart
 LONG_HOLD_S = 1e9  # after which a material that is held is relaxed
 MANY_ELEMENTS = 32768  # more are not all looked at to name the one that limits the step
@@ -126,6 +128,8 @@ class Simulation(Body):
         ----------
         turns : number of Lanczos iterations.
         """
+        if not self.kernels.known:  # all pieces at once
+            self.compile()
         self._evaluate([looker.blocks for looker in self.lookers])
         looks = self._looks._replace(basis=zeros((turns + 1, *self.state.u.shape)))
         lookers = [
@@ -190,15 +194,12 @@ class Simulation(Body):
     # ---- running ----
 
     def compile(self, progress: Callable[[float], None] = lambda share: None) -> float:
-        """Load the compiled kernels from the cache, or compile them; return the seconds it took.
-
-        ``progress`` is called with the share that is done.
-        """
+        """Load the compiled kernels, or compile them and tell ``progress`` the share that is done; return the seconds it took."""
         begin = time.perf_counter()
         progress(0.0)
-        self.kernels.forces(self.state.u, np.zeros_like(self.state.u), self.lookers[0].blocks)
-        progress(0.2)
         self.advance(0, 0.0)
+        progress(0.8)
+        self.kernels.forces(self.state.u, np.zeros_like(self.state.u), self.lookers[0].blocks)
         self.course_s = 0.0
         self._looks.spent[:] = 0
         progress(1.0)
@@ -426,8 +427,10 @@ class Simulation(Body):
         looks, lookers, turns = looking_with or (self._looks, self.lookers, TURNS_LATER)
         actions = self.loads.actions(times, max(dt_s, SHORTEST_INCREMENT_S), self.bones, self.ties, self.surfaces, self._planned)
         lengths = (self._difference_m, self._contact_frequency)
-        span = Span(float(self.dt_s), float(dt_s), int(steps), int(looking), int(turns), *lengths)
-        others = (self._for_all_parts(), actions, samples, 0, span, self._ledgers)
+        span = Span(float(self.dt_s), float(dt_s), int(steps), int(looking), int(turns), *lengths, _UNKNOWN)
+        shared = self._for_all_parts()
+        first = (self.state, self.parts[0], looks, lookers[0], shared, actions, samples, 0, span, self._ledgers)
+        others = (shared, actions, samples, 0, span._replace(addresses=self.kernels.addresses(first)), self._ledgers)
         gate = self.parts[0].gate
         gate[:] = 0
         tasks = [

@@ -300,6 +300,14 @@ class Recurrence(NamedTuple):
     behind: float  # time of the velocity before it [s]
 
 
+class Addresses(NamedTuple):
+    """Where the machine code of functions of solve/course.py and solve/look.py begins that a course calls."""
+
+    gather: int
+    scan: int
+    highest_frequency: int
+
+
 class Span(NamedTuple):
     """Steps of a course, and how it looks at the stable step meanwhile."""
 
@@ -310,6 +318,7 @@ class Span(NamedTuple):
     turns: int  # most turns of a look
     length: float  # over which a look differences forces [m]
     contact_frequency: float  # bound of the frequency of contact [1/s]
+    addresses: Addresses
 
 
 class Surface(NamedTuple):

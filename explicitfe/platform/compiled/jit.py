@@ -78,7 +78,13 @@ def kernel(function: Template) -> Dispatcher:
 
 
 def bind(
-    template: Template, *, stored: bool = True, inline: bool = False, allocates: bool = False, **bindings: Any
+    template: Template,
+    *,
+    stored: bool = True,
+    inline: bool = False,
+    allocates: bool = False,
+    apart: bool = False,
+    **bindings: Any,
 ) -> Dispatcher:
     """A compiled copy of ``template`` with the globals named in ``bindings`` replaced.
 
@@ -88,6 +94,7 @@ def bind(
     stored : keep the machine code on disk. Only the outermost kernel needs it: what it calls is contained in it.
     inline : compile it into its callers, as a leaf.
     allocates : it makes arrays of its own.
+    apart : machine code of its own that kernels call by its address (``pieces.call_at``) and Python never calls.
     bindings : placeholder name -> leaf, bound kernel or constant.
 
     Raises
@@ -102,7 +109,7 @@ def bind(
     bound.__module__ = template.__module__
     bound.__qualname__ = f"{template.__qualname__}_{_digest(bindings)}"
     is_kernel = stored and not inline
-    options = OPTIONS | {"_nrt": allocates} | (KERNEL if is_kernel else PART)
+    options = OPTIONS | {"_nrt": allocates} | (KERNEL if is_kernel else PART) | {"no_cpython_wrapper": apart or not is_kernel}
     dispatcher = numba.jit(bound, forceinline=inline, **options)
     if is_kernel:
         store_compiled_code(dispatcher)

@@ -1,0 +1,105 @@
+"""Machine code that stands apart from that of its callers: called by its address, and compiled by a process of its own.
+
+A run is compiled in pieces, which two cores make at the same time. Each piece is stored on disk by itself, and there the process
+that has asked for it finds what another one has compiled.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import time
+import warnings
+from collections.abc import Sequence
+from contextlib import suppress
+
+from llvmlite import ir
+from numba import typeof
+from numba.core import types
+from numba.core.compiler_lock import global_compiler_lock
+from numba.core.dispatcher import Dispatcher
+from numba.core.extending import intrinsic
+
+from explicitfe.platform.compiled.threads import cores
+
+__all__ = ["Piece", "address_of", "call_at", "compile_pieces", "typeof"]
+
+Piece = tuple[Dispatcher, tuple[types.Type, ...]]
+"""A function and the types of its arguments."""
+LONGEST_WAIT_S = 300.0  # for another process, after the work of this one
+
+
+@intrinsic
+def call_at(typingctx, address, arguments):
+    """What the compiled function at an address returns for a tuple of arguments: a float64."""
+    plain = tuple(types.unliteral(argument) for argument in arguments)
+
+    def lower(context, builder, sig, args):
+        given = sig.args[1]
+        values = [
+            context.cast(builder, builder.extract_value(args[1], k), before, after)
+            for k, (before, after) in enumerate(zip(given, plain, strict=True))
+        ]
+        called = context.call_conv.get_function_type(types.float64, plain)
+        pointer = builder.inttoptr(args[0], called.as_pointer())
+        assert isinstance(called, ir.FunctionType)
+        return context.call_conv.call_function(builder, pointer, types.float64, plain, values)[1]
+
+    return types.float64(types.int64, arguments), lower
+
+
+def address_of(piece: Piece) -> int:
+    """Address of a function that has been compiled or loaded."""
+    dispatcher, signature = piece
+    compiled = dispatcher.overloads[signature]
+    return int(compiled.library.get_pointer_to_function(compiled.fndesc.llvm_func_name))
+
+
+def compile_pieces(pieces: Sequence[Piece]) -> None:
+    """Load pieces from disk, or compile them: the first here, the others meanwhile by another process if a core is free."""
+    missing = [piece for piece in pieces if not _is_loaded(*piece)]
+    other = _compile_in_another_process(missing[1:]) if len(missing) > 1 and sys.platform == "linux" and cores() > 1 else None
+    for dispatcher, signature in missing[:1]:
+        dispatcher.compile(signature)
+    if other is not None:
+        _await(other)
+    for dispatcher, signature in missing[1:]:
+        dispatcher.compile(signature)  # loads what the other process has stored
+
+
+def _is_loaded(dispatcher: Dispatcher, signature: tuple[types.Type, ...]) -> bool:
+    """Whether a function is compiled in this process, or now loaded from disk."""
+    if signature not in dispatcher.overloads:
+        loaded = dispatcher._cache.load_overload(signature, dispatcher.targetctx)
+        if loaded is not None:
+            dispatcher._cache_hits[signature] += 1
+            dispatcher.add_overload(loaded)
+    return signature in dispatcher.overloads
+
+
+def _compile_in_another_process(pieces: Sequence[Piece]) -> int:
+    """Number of a process that compiles pieces, stores them on disk and ends."""
+    with global_compiler_lock, warnings.catch_warnings():  # no other thread is within the compiler, where a copy would remain
+        warnings.simplefilter("ignore", DeprecationWarning)  # of other threads: the new process needs none of their locks
+        process = os.fork()
+    if process == 0:
+        try:
+            signal.signal(signal.SIGINT, signal.SIG_DFL)
+            for dispatcher, signature in pieces:
+                dispatcher.compile(signature)
+        finally:
+            os._exit(0)
+    return process
+
+
+def _await(process: int) -> None:
+    """Wait until a process has ended; end it if it takes too long."""
+    end = time.monotonic() + LONGEST_WAIT_S
+    with suppress(ChildProcessError):
+        while os.waitpid(process, os.WNOHANG) == (0, 0):
+            if time.monotonic() > end:
+                os.kill(process, signal.SIGKILL)
+                os.waitpid(process, 0)
+                return
+            time.sleep(0.01)

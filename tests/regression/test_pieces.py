@@ -1,0 +1,85 @@
+"""Machine code that stands apart from its callers: it is called by its address, and another process may compile it."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numba
+import numpy as np
+import pytest
+
+from explicitfe.platform.compiled import pieces
+from explicitfe.platform.compiled.jit import bind
+from explicitfe.platform.compiled.pieces import address_of, call_at, compile_pieces
+
+
+class Pair(NamedTuple):
+    """An array and a number."""
+
+    values: np.ndarray
+    factor: float
+
+
+def scale(pair, first):
+    """Multiply the values from ``first`` on; give their sum."""
+    total = 0.0
+    for k in range(first, len(pair.values)):
+        pair.values[k] *= pair.factor
+        total += pair.values[k]
+    return total
+
+
+def scale_twice(address, pair, first):
+    """Call what stands at an address, with an integer that is a constant and with one that is not."""
+    return call_at(address, (pair, 1)) + call_at(address, (pair, first))
+
+
+@pytest.fixture
+def stored(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Machine code is stored in a folder of this test."""
+    monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path))
+
+
+def piece(pair: Pair) -> pieces.Piece:
+    """The function that scales, apart, which no process has compiled."""
+    return bind(scale, apart=True), (numba.typeof(pair), numba.int64)
+
+
+@pytest.mark.usefixtures("stored")
+@pytest.mark.parametrize("cores", [1, 2])
+def test_a_function_is_called_by_its_address(cores: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """With one core it is compiled here, with two by another process, whose machine code is loaded."""
+    monkeypatch.setattr(pieces, "cores", lambda: cores)
+    pair = Pair(np.array([1.0, 2.0, 3.0]), 2.0)
+    apart = piece(pair)
+    caller = bind(scale_twice)
+    compile_pieces([(caller, (numba.int64, numba.typeof(pair), numba.int64)), apart])
+    assert sum(apart[0].stats.cache_hits.values()) == cores - 1
+    assert sum(caller.stats.cache_hits.values()) == 0
+    assert caller(address_of(apart), pair, 0) == (4.0 + 6.0) + (2.0 + 8.0 + 12.0)
+    np.testing.assert_array_equal(pair.values, [2.0, 8.0, 12.0])
+
+
+@pytest.mark.usefixtures("stored")
+@pytest.mark.parametrize("end", ["dies", "hangs"])
+def test_a_process_that_ends_early_is_replaced(end: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What it has not stored is compiled here, and one that hangs is ended."""
+    monkeypatch.setattr(pieces, "cores", lambda: 2)
+    monkeypatch.setattr(pieces, "LONGEST_WAIT_S", 0.1)
+    here = os.getpid()
+    compile_one = numba.core.dispatcher.Dispatcher.compile
+
+    def fails_elsewhere(dispatcher: Any, signature: Any) -> Any:
+        while os.getpid() != here:
+            if end == "dies":
+                os._exit(1)
+        return compile_one(dispatcher, signature)
+
+    monkeypatch.setattr(numba.core.dispatcher.Dispatcher, "compile", fails_elsewhere)
+    pair = Pair(np.array([1.0]), 2.0)
+    apart, caller = piece(pair), bind(scale_twice)
+    compile_pieces([(caller, (numba.int64, numba.typeof(pair), numba.int64)), apart])
+    assert sum(apart[0].stats.cache_hits.values()) == 0
+    assert caller(address_of(apart), pair, 0) == 4.0

@@ -82,4 +82,4 @@ def test_a_process_that_ends_early_is_replaced(end: str, monkeypatch: pytest.Mon
     apart, caller = piece(pair), bind(scale_twice)
     compile_pieces([(caller, (numba.int64, numba.typeof(pair), numba.int64)), apart])
     assert sum(apart[0].stats.cache_hits.values()) == 0
-    assert caller(address_of(apart), pair, 0) == 4.0
+    assert caller(address_of(apart), pair, 0) == 2.0

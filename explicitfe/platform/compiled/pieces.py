@@ -57,15 +57,16 @@ def address_of(piece: Piece) -> int:
 
 
 def compile_pieces(pieces: Sequence[Piece]) -> None:
-    """Load pieces from disk, or compile them: the first here, the others meanwhile by another process if a core is free."""
+    """Load pieces from disk, or compile them: the first here, the others meanwhile by further processes on free cores."""
     missing = [piece for piece in pieces if not _is_loaded(*piece)]
-    other = _compile_in_another_process(missing[1:]) if len(missing) > 1 and sys.platform == "linux" and cores() > 1 else None
+    others = min(cores(), len(missing)) - 1 if sys.platform == "linux" else 0
+    processes = [_compile_in_another_process(missing[1 + number :: others]) for number in range(others)]
     for dispatcher, signature in missing[:1]:
         dispatcher.compile(signature)
-    if other is not None:
-        _await(other)
+    for process in processes:
+        _await(process)
     for dispatcher, signature in missing[1:]:
-        dispatcher.compile(signature)  # loads what the other process has stored
+        dispatcher.compile(signature)  # loads what another process has stored
 
 
 def _is_loaded(dispatcher: Dispatcher, signature: tuple[types.Type, ...]) -> bool:

@@ -32,6 +32,7 @@ NEVER_GIVEN = {"allow_pickle": True, "shell": True}
 # git describes the checkout; VTK crashes where it cannot render, and readers of meshes and surfaces on damaged files: these get
 # processes of their own, which are this package.
 MAY_START_PROGRAMS = {"results.files.provenance", "app.view.opengl", "app.view.rendering", "platform.host.child"}
+MAY_FORK = {"platform.compiled.pieces"}  # it compiles in a copy of this process
 # `explicitfe.run` is imported when it is first used; the names stand in a table.
 MAY_IMPORT_BY_NAME = {"__init__"}
 
@@ -57,7 +58,8 @@ def breaches(module: str, tree: ast.AST) -> Iterator[str]:
         if isinstance(node.func, ast.Attribute) and isinstance(node.func.value, ast.Name):
             owner, name = node.func.value.id, node.func.attr
             programs = owner == "os" and name.startswith(("exec", "spawn"))
-            if programs or name in NEVER_CALLED_OF_A_MODULE.get(owner, ()):
+            forks = name == "fork" and module in MAY_FORK
+            if programs or (name in NEVER_CALLED_OF_A_MODULE.get(owner, ()) and not forks):
                 yield f"{module}:{node.lineno} calls {owner}.{name}"
         if ast.unparse(node.func) in ("np.load", "numpy.load") and "allow_pickle=False" not in ast.unparse(node):
             yield f"{module}:{node.lineno} may load pickles"

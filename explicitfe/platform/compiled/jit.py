@@ -64,7 +64,22 @@ PLACEHOLDER: Any = None  # stands for a leaf or a number that ``bind`` puts in i
 
 def leaf(function: Template) -> Dispatcher:
     """Compile ``function`` into its callers; not cached by itself."""
-    return numba.jit(function, forceinline=True, **OPTIONS, **PART)
+    return _part(numba.jit(function, forceinline=True, **OPTIONS, **PART))
+
+
+def _part(dispatcher: Dispatcher) -> Dispatcher:
+    """A function that kernels call; where Python calls it, as tests do, it is compiled by itself."""
+
+    @cache
+    def alone() -> Dispatcher:
+        return numba.jit(dispatcher.py_func, **OPTIONS)
+
+    def note(compiled: Any) -> None:
+        dispatcher.overloads[tuple(compiled.signature.args)] = compiled
+
+    dispatcher.add_overload = note
+    dispatcher._compile_for_args = lambda *args, **kwargs: alone()
+    return dispatcher
 
 
 def part_of_kernels(function: Template) -> Dispatcher:
@@ -111,8 +126,9 @@ def bind(
     is_kernel = stored and not inline
     options = OPTIONS | {"_nrt": allocates} | (KERNEL if is_kernel else PART) | {"no_cpython_wrapper": apart or not is_kernel}
     dispatcher = numba.jit(bound, forceinline=inline, **options)
-    if is_kernel:
-        store_compiled_code(dispatcher)
+    if not is_kernel:
+        return _part(dispatcher)
+    store_compiled_code(dispatcher)
     return dispatcher
 
 

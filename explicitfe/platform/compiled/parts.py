@@ -76,8 +76,7 @@ class PartLowering(NativeLowering):
         state.flags.no_compile = True
         super().run_pass(state)
         state.library.finalize()
-        # Stands for the function, which has no machine code: Python gets a TypeError from it.
-        entry = dict[Any, Any]().update
+        entry = dict[Any, Any]().update  # stands for the function, which has no machine code; Numba asks for a function of C
         state.targetctx.insert_user_function(entry, state.cr.fndesc, [state.library])
         state.cr = state.cr._replace(cfunc=entry)
         return True

@@ -47,7 +47,7 @@ GUARDED_SHARE = 0.2
 
 
 _BITS = np.array([1, 2, 4])  # of (xi, eta, zeta) in the order of the corners
-_NEWTON_STEPS = 8
+_ROOT_STEPS = 8
 _ROUNDING = 1e-12  # of the closed forms, to the safe side
 
 
@@ -58,7 +58,7 @@ def _largest_safe_norm(c: np.ndarray) -> np.ndarray:
     """
     slope = np.sqrt(3.0) + THRESHOLD * c
     m = (1.0 - THRESHOLD) / slope
-    for _ in range(_NEWTON_STEPS):
+    for _ in range(_ROOT_STEPS):
         higher, change = m**2 + m**3 / np.sqrt(27.0), 2.0 * m + m**2 / np.sqrt(3.0)
         m -= (slope * m + (1.0 + THRESHOLD) * higher - (1.0 - THRESHOLD)) / (slope + (1.0 + THRESHOLD) * change)
     return m * (1.0 - _ROUNDING)

@@ -64,8 +64,10 @@ def test_a_function_is_called_by_its_address(cores: int, monkeypatch: pytest.Mon
 
 @pytest.mark.usefixtures("stored")
 @pytest.mark.parametrize("end", ["dies", "hangs"])
-def test_a_process_that_ends_early_is_replaced(end: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """What it has not stored is compiled here, and one that hangs is ended."""
+def test_a_process_that_ends_early_is_replaced(
+    end: str, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """What it has not stored is compiled here, and one that hangs is ended. It writes nothing to the streams of this process."""
     monkeypatch.setattr(pieces, "cores", lambda: 2)
     monkeypatch.setattr(pieces, "LONGEST_WAIT_S", 0.1)
     here = os.getpid()
@@ -73,6 +75,7 @@ def test_a_process_that_ends_early_is_replaced(end: str, monkeypatch: pytest.Mon
 
     def fails_elsewhere(dispatcher: Any, signature: Any) -> Any:
         while os.getpid() != here:
+            os.write(2, b"written elsewhere")
             if end == "dies":
                 os._exit(1)
         return compile_one(dispatcher, signature)
@@ -81,5 +84,6 @@ def test_a_process_that_ends_early_is_replaced(end: str, monkeypatch: pytest.Mon
     pair = Pair(np.array([1.0]), 2.0)
     apart, caller = piece(pair), bind(scale_twice)
     compile_pieces([(caller, (numba.int64, numba.typeof(pair), numba.int64)), apart])
+    assert capfd.readouterr() == ("", "")
     assert sum(apart[0].stats.cache_hits.values()) == 0
     assert caller(address_of(apart), pair, 0) == 2.0

@@ -87,6 +87,9 @@ def _compile_in_another_process(pieces: Sequence[Piece]) -> int:
     if process == 0:
         try:
             signal.signal(signal.SIGINT, signal.SIG_DFL)
+            nowhere = os.open(os.devnull, os.O_WRONLY)  # the first process reports the compilation, and any error
+            for stream in (1, 2):
+                os.dup2(nowhere, stream)
             for dispatcher, signature in pieces:
                 dispatcher.compile(signature)
         finally:

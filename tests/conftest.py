@@ -18,6 +18,12 @@ for folder in (HERE, HERE.parent / "studies" / "benchmarks", HERE.parent):
     if str(folder) not in sys.path:
         sys.path.insert(0, str(folder))
 
+# Where tests run in several processes no core is free for a further one to compile, which costs more time of the CPU.
+if "PYTEST_XDIST_WORKER" in os.environ:
+    from explicitfe.platform.compiled import pieces
+
+    pieces.cores = lambda: 1
+
 # Whoever starts the tests in the background of a script has them ignore Ctrl-C, and the runs that tests stop by it would go on.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)

@@ -18,7 +18,7 @@ for folder in (HERE, HERE.parent / "studies" / "benchmarks", HERE.parent):
     if str(folder) not in sys.path:
         sys.path.insert(0, str(folder))
 
-# Where tests run in several processes no core is free for a further one to compile, which costs more time of the CPU.
+# Several test processes leave no core free for a further compiler process, which would only increase the CPU time.
 if "PYTEST_XDIST_WORKER" in os.environ:
     from explicitfe.platform.compiled import pieces
 

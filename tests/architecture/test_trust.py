@@ -32,7 +32,7 @@ NEVER_GIVEN = {"allow_pickle": True, "shell": True}
 # git describes the checkout; VTK crashes where it cannot render, and readers of meshes and surfaces on damaged files: these get
 # processes of their own, which are this package.
 MAY_START_PROGRAMS = {"results.files.provenance", "app.view.opengl", "app.view.rendering", "platform.host.child"}
-MAY_FORK = {"platform.compiled.pieces"}  # it compiles in a copy of this process
+MAY_FORK = {"platform.compiled.pieces"}  # it compiles kernels in child processes
 # `explicitfe.run` is imported when it is first used; the names stand in a table.
 MAY_IMPORT_BY_NAME = {"__init__"}
 

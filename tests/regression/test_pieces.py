@@ -38,7 +38,7 @@ def scale_twice(address, pair, first):
 
 @pytest.fixture
 def stored(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Machine code is stored in a folder of this test."""
+    """Use a separate kernel cache for this test."""
     monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path))
 
 
@@ -67,7 +67,7 @@ def test_a_function_is_called_by_its_address(cores: int, monkeypatch: pytest.Mon
 def test_a_process_that_ends_early_is_replaced(
     end: str, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    """What it has not stored is compiled here, and one that hangs is ended. It writes nothing to the streams of this process."""
+    """The parent compiles what a child process has not stored, and kills a child that hangs. The child prints nothing."""
     monkeypatch.setattr(pieces, "cores", lambda: 2)
     monkeypatch.setattr(pieces, "LONGEST_WAIT_S", 0.1)
     here = os.getpid()

@@ -27,7 +27,7 @@ __all__ = ["Piece", "address_of", "call_at", "compile_pieces", "typeof"]
 
 Piece = tuple[Dispatcher, tuple[types.Type, ...]]
 """A function and the types of its arguments."""
-LONGEST_WAIT_S = 300.0  # for another process, after the work of this one
+LONGEST_WAIT_S = 300.0  # timeout for a child process, counted from the end of the parent's own compilation
 
 
 @intrinsic

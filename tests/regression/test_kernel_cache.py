@@ -30,7 +30,7 @@ from explicitfe.fem.solve.equilibrium import Relaxation
 from explicitfe.fem.solve.kernels import kernels
 from explicitfe.fem.solve.simulation import Simulation
 from explicitfe.platform.compiled import cache as compiled_cache
-from explicitfe.platform.compiled import jit
+from explicitfe.platform.compiled import digest
 from explicitfe.platform.compiled.jit import OPTIONS, bind
 from explicitfe.platform.compiled.simd import WIDTH
 from explicitfe.platform.errors import RunWarning
@@ -60,6 +60,19 @@ helper = leaf(double)
 @leaf
 def law(x):
     return helper(x) * 10.0
+"""
+
+# A power of a constant is a function of Numba's own, whose name is a number that differs between processes.
+PART_LAW = """
+from explicitfe.platform.compiled.jit import leaf
+
+@leaf
+def helper(x):
+    return 2.0 * x + max(x, 0.5) ** 9
+
+@leaf
+def law(x):
+    return helper(x) * 10.0 - 8.0 * x ** 7
 """
 
 
@@ -167,6 +180,35 @@ def test_an_edited_helper_is_compiled_anew_in_the_next_process(tmp_path):
     assert processes[0][2] != processes[1][2] == processes[2][2]
 
 
+PARTS = """
+import sys
+sys.path.insert(0, {folder!r})
+import template_file, edited_law
+from explicitfe.platform.compiled.jit import bind
+value = bind(template_file.{template}, law=edited_law.law)(1.0)
+stats = [part.stats for part in (edited_law.law, edited_law.helper)]
+print(value, *(sum(part.cache_hits.values()) for part in stats), *(sum(part.cache_misses.values()) for part in stats))
+"""
+
+
+@pytest.mark.parametrize("damaged", [False, True])
+def test_another_kernel_loads_the_parts_that_it_has_in_common(damaged, tmp_path):
+    """What a first kernel calls is loaded by a second one in the next process, or compiled again if the files are damaged."""
+    kernels = "law = None\n\ndef first(x):\n    return law(x) + 1.0\n\ndef second(x):\n    return law(x) ** 2\n"
+    (tmp_path / "template_file.py").write_text(kernels)
+    (tmp_path / "edited_law.py").write_text(PART_LAW)
+    cache = tmp_path / "cache"
+    first, second = (PARTS.format(folder=str(tmp_path), template=name) for name in ("first", "second"))
+    assert in_a_process(first, cache).split() == ["23.0", "0", "0", "1", "1"]
+    if damaged:
+        for file in cache.rglob("*.nbc"):
+            content = bytearray(file.read_bytes())
+            content[len(content) // 2] ^= 1
+            file.write_bytes(content)
+    hits = ["0", "0", "1", "1"] if damaged else ["1", "1", "0", "0"]
+    assert in_a_process(second, cache).split() == ["484.0", *hits]
+
+
 EFFECT = """
 import numpy as np
 from explicitfe.fem.effects.complete import complete
@@ -201,7 +243,7 @@ def test_every_file_with_kernels_counts(tmp_path, monkeypatch):
     """An edit of any file that can reach machine code, in folders of folders too, gives every kernel another name."""
     copy = tmp_path / "explicitfe"
     shutil.copytree(ROOT / "explicitfe", copy, ignore=shutil.ignore_patterns("__pycache__"))
-    monkeypatch.setattr(jit, "_PACKAGE", copy)
+    monkeypatch.setattr(digest, "_PACKAGE", copy)
     names = set()
     edited = [
         "fem/effects/material/fibres.py",
@@ -219,9 +261,9 @@ def test_every_file_with_kernels_counts(tmp_path, monkeypatch):
     for place in ("", *edited):
         if place:
             (copy / place).write_text((copy / place).read_text() + "# edited\n")
-        jit._package_digest.cache_clear()
+        digest._package_digest.cache_clear()
         names.add(bind(template, law=1.0).py_func.__qualname__)
-    jit._package_digest.cache_clear()
+    digest._package_digest.cache_clear()
     assert len(names) == 1 + len(edited)
 
 
@@ -352,7 +394,7 @@ def test_a_damaged_kernel_is_compiled_again(tmp_path, suffix):
     cache = tmp_path / "cache"
     assert in_a_process(code, cache).split() == ["21.0", "0"]
     assert in_a_process(code, cache).split() == ["21.0", "1"]
-    (file,) = cache.rglob(f"*.{suffix}")
+    (file,) = cache.rglob(f"template_file.*.{suffix}")
     whole = file.read_bytes()
     for place in np.linspace(0, len(whole) - 1, 4).astype(int):
         file.write_bytes(whole[:place] + bytes([whole[place] ^ 4]) + whole[place + 1 :])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import time
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -47,17 +48,23 @@ def piece(pair: Pair) -> pieces.Piece:
     return bind(scale, apart=True), (numba.typeof(pair), numba.int64)
 
 
-@pytest.mark.usefixtures("stored")
 @pytest.mark.parametrize("cores", [1, 2])
-def test_a_function_is_called_by_its_address(cores: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    """With one core it is compiled here, with two by another process, whose machine code is loaded."""
+def test_a_function_is_called_by_its_address(cores: int, stored: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """With one core it is compiled here, with two either function by another process, whose machine code is loaded."""
     monkeypatch.setattr(pieces, "cores", lambda: cores)
+    here, compile_one = os.getpid(), numba.core.dispatcher.Dispatcher.compile
+
+    def compiles_second(dispatcher: Any, signature: Any) -> Any:
+        while cores == 2 and os.getpid() == here and not list(tmp_path.rglob("*.nbc")):
+            time.sleep(0.001)
+        return compile_one(dispatcher, signature)
+
+    monkeypatch.setattr(numba.core.dispatcher.Dispatcher, "compile", compiles_second)
     pair = Pair(np.array([1.0, 2.0, 3.0]), 2.0)
     apart = piece(pair)
     caller = bind(scale_twice)
     compile_pieces([(caller, (numba.int64, numba.typeof(pair), numba.int64)), apart])
-    assert sum(apart[0].stats.cache_hits.values()) == cores - 1
-    assert sum(caller.stats.cache_hits.values()) == 0
+    assert (sum(apart[0].stats.cache_hits.values()) + sum(caller.stats.cache_hits.values()) > 0) == (cores == 2)
     assert caller(address_of(apart), pair, 0) == (4.0 + 6.0) + (2.0 + 8.0 + 12.0)
     np.testing.assert_array_equal(pair.values, [2.0, 8.0, 12.0])
 

@@ -59,11 +59,13 @@ class Kernels:
                     self.highest_frequency,
                     (state, part, looks, looker, actions, whole, whole, number, number),
                 ),
-                "scan": (self.scan, (state, part, looks, looker, nodes, number)),
                 "gather": (self.gather, (state, shared, actions, whole, number, ledgers, samples, whole)),
+                "scan": (self.scan, (state, part, looks, looker, nodes, number)),
             }
             forces = self.forces, (typeof(arguments[0].u), typeof(arguments[0].force), typeof(arguments[4].blocks))
-            compile_pieces([(self.course, signature), *pieces.values(), forces])
+            # Those that take long first. The parts of ``forces`` are those that a course calls last, so that one process lowers
+            # parts that the other one loads.
+            compile_pieces([(self.course, signature), forces, *pieces.values()])
             self.known.append(Addresses(**{name: address_of(piece) for name, piece in pieces.items()}))
         return self.known[0]
 

@@ -34,7 +34,7 @@ def store_compiled_code(dispatcher: Any) -> None:
     if numba.config.DISABLE_JIT:
         raise InputError("NUMBA_DISABLE_JIT is set, but explicitfe needs Numba's compiler; unset this environment variable.")
     try:
-        dispatcher._cache = _CheckedCache(dispatcher)
+        dispatcher._cache = _KernelCache(dispatcher)
     except RuntimeError:  # neither the package nor the home folder can be written
         folder = temporary_folder()
         _warn(
@@ -45,7 +45,7 @@ def store_compiled_code(dispatcher: Any) -> None:
         if folder is not None:
             numba.config.CACHE_DIR = os.environ[VARIABLE] = str(folder)  # the variable is for worker processes
             with suppress(RuntimeError):
-                dispatcher._cache = _CheckedCache(dispatcher)
+                dispatcher._cache = _KernelCache(dispatcher)
 
 
 @cache
@@ -100,25 +100,35 @@ class _CheckedFiles(IndexDataCacheFile):
             file.write(hashlib.sha256(content.getvalue()).digest())
 
 
-class _CheckedCache(FunctionCache):
+class CheckedCache(FunctionCache):
     """Numba's cache of a function, with checked files."""
 
     _cache_file: Any
 
-    def __init__(self, dispatcher: Any) -> None:
-        super().__init__(dispatcher.py_func)
+    def __init__(self, function: Any) -> None:
+        super().__init__(function)
         plain = self._cache_file
         self._cache_file = _CheckedFiles.__new__(_CheckedFiles)
         self._cache_file.__dict__.update(plain.__dict__)
+
+    def load_overload(self, sig: object, target_context: Any) -> Any:
+        """Load compiled code without what Numba prepares before, for a tenth of a second."""
+        with self._guard_against_spurious_io_errors():
+            return self._load_overload(sig, target_context)
+
+
+class _KernelCache(CheckedCache):
+    """Cache of a kernel."""
+
+    def __init__(self, dispatcher: Any) -> None:
+        super().__init__(dispatcher.py_func)
         self._makes_arrays = dispatcher.targetoptions["_nrt"]
 
     def load_overload(self, sig: object, target_context: Any) -> Any:
-        """Load machine code; only a kernel that makes arrays needs what Numba prepares before, for a tenth of a second."""
+        """Load machine code; only a kernel that makes arrays needs what Numba prepares."""
         if self._makes_arrays:
-            loaded = super().load_overload(sig, target_context)
-        else:
-            with self._guard_against_spurious_io_errors():
-                loaded = self._load_overload(sig, target_context)
+            target_context.refresh()
+        loaded = super().load_overload(sig, target_context)
         if loaded is not None:
             loaded.library._shared_module = None  # a kernel that called this one would link what _without_bitcode left
         return loaded

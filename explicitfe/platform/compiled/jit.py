@@ -8,19 +8,18 @@ at the name and at the template's own file only, so without the digest an edited
 
 from __future__ import annotations
 
-import hashlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import cache
-from pathlib import Path
-from types import CodeType, FunctionType, ModuleType
+from types import FunctionType
 from typing import Any
 
 import numba
 from numba.core.dispatcher import Dispatcher
 
 from explicitfe.platform.compiled.cache import store_compiled_code
+from explicitfe.platform.compiled.digest import digest_of_bindings
 from explicitfe.platform.compiled.parts import KernelCompiler, PartCompiler
-from explicitfe.platform.compiled.simd import WIDTH
+from explicitfe.platform.compiled.stored_parts import PartCache
 
 # contract: multiply and add may fuse. No reassociation (sums keep their order), no nnan or ninf (NaN checks keep their
 # meaning). error_model numpy: a division by zero gives inf, not a branch.
@@ -39,31 +38,13 @@ OPTIONS: dict[str, object] = {
 KERNEL: dict[str, Any] = {"no_cfunc_wrapper": True, "pipeline_class": KernelCompiler}
 PART: dict[str, Any] = {"no_cfunc_wrapper": True, "no_cpython_wrapper": True, "pipeline_class": PartCompiler}
 
-_PACKAGE = Path(__file__).parents[2]
-# Where anything that can reach machine code stands.
-_KERNEL_SOURCES = (
-    "platform/compiled",
-    "fem/elements",
-    "fem/materials",
-    "fem/effects/effect.py",
-    "fem/effects/material",
-    "fem/forces",
-    "fem/tangent",
-    "fem/solve/boundary.py",
-    "fem/solve/step.py",
-    "fem/solve/relax_step.py",
-    "fem/solve/look.py",
-    "fem/solve/restraint.py",
-    "fem/solve/course.py",
-)
-
 
 Template = Callable[..., Any]  # a function that is compiled for arguments of many types: arrays, lanes, tuples of lanes
 PLACEHOLDER: Any = None  # stands for a leaf or a number that ``bind`` puts in its place
 
 
 def leaf(function: Template) -> Dispatcher:
-    """Compile ``function`` into its callers; not cached by itself."""
+    """Compile ``function`` into its callers."""
     return _part(numba.jit(function, forceinline=True, **OPTIONS, **PART))
 
 
@@ -78,6 +59,7 @@ def _part(dispatcher: Dispatcher) -> Dispatcher:
         dispatcher.overloads[tuple(compiled.signature.args)] = compiled
 
     dispatcher.add_overload = note
+    dispatcher._cache = PartCache(dispatcher)
     dispatcher._compile_for_args = lambda *args, **kwargs: alone()
     return dispatcher
 
@@ -122,7 +104,7 @@ def bind(
     bound = FunctionType(template.__code__, {**template.__globals__, **bindings}, template.__name__, template.__defaults__, None)
     bound.__doc__ = template.__doc__
     bound.__module__ = template.__module__
-    bound.__qualname__ = f"{template.__qualname__}_{_digest(bindings)}"
+    bound.__qualname__ = f"{template.__qualname__}_{digest_of_bindings(bindings)}"
     is_kernel = stored and not inline
     options = OPTIONS | {"_nrt": allocates} | (KERNEL if is_kernel else PART) | {"no_cpython_wrapper": apart or not is_kernel}
     dispatcher = numba.jit(bound, forceinline=inline, **options)
@@ -130,70 +112,3 @@ def bind(
         return _part(dispatcher)
     store_compiled_code(dispatcher)
     return dispatcher
-
-
-def _digest(bindings: Mapping[str, object]) -> str:
-    sums = hashlib.sha256(_package_digest())
-    for name, value in sorted(bindings.items()):
-        sums.update(name.encode())
-        if isinstance(value, Dispatcher):
-            for part in _reached(value.py_func):
-                sums.update(part)
-        else:
-            sums.update(repr(value).encode())
-    return sums.hexdigest()[:16]
-
-
-def _reached(function: FunctionType) -> list[bytes]:
-    """What identifies a function and all that it calls: names, byte code, constants, and the files they stand in."""
-    parts: list[bytes] = []
-    waiting, seen = [function], set()
-    while waiting:
-        current = waiting.pop()
-        if id(current) in seen:
-            continue
-        seen.add(id(current))
-        parts.append(f"{current.__module__}.{current.__qualname__}".encode())
-        parts.append(_file_bytes(current.__code__.co_filename))
-        reads: dict[str, object] = {}
-        codes = [current.__code__]
-        while codes:  # inner functions and comprehensions too: the repr of their code would carry an address
-            code = codes.pop()
-            parts += [code.co_code, repr(code.co_names).encode()]
-            parts += [repr(constant).encode() for constant in code.co_consts if not isinstance(constant, CodeType)]
-            codes += [constant for constant in code.co_consts if isinstance(constant, CodeType)]
-            reads |= {name: current.__globals__[name] for name in code.co_names if name in current.__globals__}
-        cells = zip(current.__code__.co_freevars, current.__closure__ or (), strict=True)
-        reads |= {name: cell.cell_contents for name, cell in cells}
-        for name, value in reads.items():
-            if isinstance(value, Dispatcher):
-                waiting.append(value.py_func)
-            elif isinstance(value, int | float | tuple):
-                parts.append(f"{name} = {value!r}".encode())
-            elif isinstance(value, ModuleType):  # a leaf called as module.leaf: its whole file counts
-                parts.append(_file_bytes(getattr(value, "__file__", None) or ""))
-    return parts
-
-
-@cache
-def _package_digest() -> bytes:
-    sums = hashlib.sha256(f"{WIDTH} lanes".encode())
-    for source in _KERNEL_SOURCES:
-        path = _PACKAGE / source
-        for file in [path] if path.is_file() else sorted(path.rglob("*.py")):
-            sums.update(file.relative_to(_PACKAGE).as_posix().encode())
-            sums.update(file.read_bytes())
-    return sums.digest()
-
-
-def _file_bytes(path: str) -> bytes:
-    try:
-        return _digest_of_file(path, Path(path).stat().st_mtime_ns) if path.endswith(".py") else b""
-    except FileNotFoundError:
-        return b""
-
-
-@cache
-def _digest_of_file(path: str, written_ns: int) -> bytes:
-    """Of a source as it is since that time: the same files stand behind most kernels."""
-    return hashlib.sha256(Path(path).read_bytes()).digest()

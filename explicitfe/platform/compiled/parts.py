@@ -8,21 +8,66 @@ compile a kernel. The passes are Numba's own; what differs is when the code of a
 from __future__ import annotations
 
 import gc
+import hashlib
+from types import FunctionType
 from typing import Any, ClassVar
+from weakref import WeakKeyDictionary, ref
 
+from llvmlite import binding as llvm
 from numba.core.codegen import CPUCodeLibrary, JITCodeLibrary
 from numba.core.compiler import CompilerBase, DefaultPassBuilder
 from numba.core.compiler_machinery import register_pass
+from numba.core.dispatcher import Dispatcher
 from numba.core.typed_passes import NativeLowering
+
+from explicitfe.platform.compiled.digest import digest_of_part, name_of_part
+from explicitfe.platform.compiled.operator_types import type_operators_once
+
+PARTS: WeakKeyDictionary[FunctionType, ref[Dispatcher]] = WeakKeyDictionary()
+"""Functions that only kernels call."""
 
 
 class PartLibrary(JITCodeLibrary):
-    """The code of a function that only kernels call, as it was lowered. What it calls is linked into the kernel."""
+    """The code of a function that only kernels call, as it was lowered. What it calls is linked into the kernel.
+
+    The names of parts carry a digest of their sources, so that they name the same code in each process.
+    """
+
+    part: str | None = None
+    arguments: tuple[Any, ...] = ()
 
     def finalize(self) -> None:
-        """Leave the rest to the kernel."""
+        """Link what is no part, under names of this one: Numba's names differ between processes. Leave the rest to the kernel."""
         self._raise_if_finalized()
+        parts = [library for library in self._linking_libraries if isinstance(library, PartLibrary) and library.part]
+        own = [function.name for function in self._final_module.functions if not function.is_declaration]
+        for library in dict.fromkeys(self._linking_libraries):
+            if library not in parts:
+                self._final_module.link_in(library._get_module_for_linking(), preserve=True)
+        suffix = hashlib.sha256("".join(own).encode()).hexdigest()[:16]
+        for function in self._final_module.functions:
+            if not function.is_declaration and function.name not in own:
+                function.name = f"{function.name}.{suffix}"
+        self._linking_libraries: list[CPUCodeLibrary] = parts
+        self._finalize_dynamic_globals()
         self._finalized = True
+
+    @classmethod
+    def from_bitcode(
+        cls, codegen: Any, identity: tuple[str, str, tuple[Any, ...]], bitcode: bytes, called: list[Any]
+    ) -> PartLibrary:
+        """The library of what :meth:`identity` and :meth:`alone` gave in another process."""
+        name, part, arguments = identity
+        library = cls(codegen, name)
+        library.part, library.arguments = part, arguments
+        library._shared_module = llvm.parse_bitcode(bitcode)
+        library._linking_libraries = called
+        library._finalized = True
+        return library
+
+    def identity(self) -> tuple[str, str | None, tuple[Any, ...]]:
+        """Name of the library, of the function, and the types of its arguments."""
+        return self.name, self.part, self.arguments
 
     def alone(self) -> Any:
         """LLVM module of the function without what it calls."""
@@ -42,6 +87,8 @@ class KernelLibrary(JITCodeLibrary):
         """Link every function that is reached once, optimise the whole, and make machine code of it."""
         libraries, module = self._linking_libraries, self._final_module
         _link(module, libraries)
+        lacking = [function.name for function in module.functions if function.is_declaration and function.name.startswith("_ZN")]
+        assert not lacking, f"code of {self.name} lacks {lacking}"  # calling them would end the process
         self._linking_libraries: list[CPUCodeLibrary] = []  # nothing is left to link
         super().finalize()
 
@@ -64,6 +111,11 @@ def _note_reached(libraries: list[CPUCodeLibrary], reached: dict[CPUCodeLibrary,
             reached[library] = None
 
 
+def entry_of_part() -> Any:
+    """What stands for a function that has no machine code; Numba asks for a function of C."""
+    return dict[Any, Any]().update
+
+
 @register_pass(mutates_CFG=True, analysis_only=False)
 class PartLowering(NativeLowering):
     """Lowering into a :class:`PartLibrary`."""
@@ -72,11 +124,15 @@ class PartLowering(NativeLowering):
 
     def run_pass(self, state: Any) -> bool:
         """Lower, and tell the compiler of callers about the function."""
+        function = state.func_id.func
         state.library = PartLibrary(state.targetctx.codegen(), state.func_id.func_qualname)
+        if function in PARTS:
+            state.func_id.unique_id = digest_of_part(function)
+            state.library.part, state.library.arguments = name_of_part(function), state.args
         state.flags.no_compile = True
         super().run_pass(state)
         state.library.finalize()
-        entry = dict[Any, Any]().update  # stands for the function, which has no machine code; Numba asks for a function of C
+        entry = entry_of_part()
         state.targetctx.insert_user_function(entry, state.cr.fndesc, [state.library])
         state.cr = state.cr._replace(cfunc=entry)
         return True
@@ -115,11 +171,22 @@ class KernelCompiler(PartCompiler):
     lowering = KernelLowering
 
     def compile_extra(self, func: Any) -> Any:
-        """Compile without searching for garbage, of which there is next to none: a twentieth of the time."""
+        """Compile without searching for garbage, of which there is next to none."""
         collects = gc.isenabled()
         gc.disable()
         try:
-            return super().compile_extra(func)
+            with type_operators_once():
+                return _call_with_room(super().compile_extra, func)
         finally:
             if collects:
                 gc.enable()
+
+
+def _call_with_room(function: Any, argument: Any) -> Any:
+    return function(argument)
+
+
+# Python keeps its frames in chunks of 16 KB. Numba's compiler, deep in frames, enters and leaves a chunk at each call, for which
+# Python asks the system for memory and gives it back: a sixth of the time to compile. A frame that may grow large gets a chunk of
+# its own, here of 4 MB, with room for those that follow.
+_call_with_room.__code__ = _call_with_room.__code__.replace(co_stacksize=270_000)

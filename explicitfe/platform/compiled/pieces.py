@@ -11,8 +11,8 @@ import signal
 import sys
 import time
 import warnings
-from collections.abc import Sequence
-from contextlib import suppress
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
 
 from llvmlite import ir
 from numba import typeof
@@ -57,16 +57,35 @@ def address_of(piece: Piece) -> int:
 
 
 def compile_pieces(pieces: Sequence[Piece]) -> None:
-    """Load pieces from disk, or compile them: the first here, the others meanwhile by further processes on free cores."""
+    """Load pieces from disk, or compile them one after the other, here and by further processes on free cores."""
     missing = [piece for piece in pieces if not _is_loaded(*piece)]
     others = min(cores(), len(missing)) - 1 if sys.platform == "linux" else 0
-    processes = [_compile_in_another_process(missing[1 + number :: others]) for number in range(others)]
-    for dispatcher, signature in missing[:1]:
-        dispatcher.compile(signature)
+    with _queue(len(missing)) as waiting:
+        processes = [_compile_in_another_process(missing, waiting) for _ in range(others)]
+        _compile_next(missing, waiting)
     for process in processes:
         _await(process)
-    for dispatcher, signature in missing[1:]:
+    for dispatcher, signature in missing:
         dispatcher.compile(signature)  # loads what another process has stored
+
+
+@contextmanager
+def _queue(length: int) -> Iterator[int]:
+    """File from which each reader gets the next number; the numbers end at a length."""
+    reader, writer = os.pipe()
+    os.write(writer, bytes(range(length)))
+    os.close(writer)
+    try:
+        yield reader
+    finally:
+        os.close(reader)
+
+
+def _compile_next(pieces: Sequence[Piece], waiting: int) -> None:
+    """Compile the pieces whose numbers are still in the queue."""
+    while number := os.read(waiting, 1):
+        dispatcher, signature = pieces[number[0]]
+        dispatcher.compile(signature)
 
 
 def _is_loaded(dispatcher: Dispatcher, signature: tuple[types.Type, ...]) -> bool:
@@ -79,8 +98,8 @@ def _is_loaded(dispatcher: Dispatcher, signature: tuple[types.Type, ...]) -> boo
     return signature in dispatcher.overloads
 
 
-def _compile_in_another_process(pieces: Sequence[Piece]) -> int:
-    """Number of a process that compiles pieces, stores them on disk and ends."""
+def _compile_in_another_process(pieces: Sequence[Piece], waiting: int) -> int:
+    """Number of a process that compiles pieces from the queue, stores them on disk and ends."""
     with global_compiler_lock, warnings.catch_warnings():  # no other thread is within the compiler, where a copy would remain
         warnings.simplefilter("ignore", DeprecationWarning)  # of other threads: the new process needs none of their locks
         process = os.fork()
@@ -90,8 +109,7 @@ def _compile_in_another_process(pieces: Sequence[Piece]) -> int:
             nowhere = os.open(os.devnull, os.O_WRONLY)  # the first process reports the compilation, and any error
             for stream in (1, 2):
                 os.dup2(nowhere, stream)
-            for dispatcher, signature in pieces:
-                dispatcher.compile(signature)
+            _compile_next(pieces, waiting)
         finally:
             os._exit(0)
     return process

@@ -12,38 +12,16 @@ from __future__ import annotations
 
 import math
 import operator
-import os
 
 import llvmlite.ir as ir
-from llvmlite.binding import get_host_cpu_features
 from numba.core import types
 from numba.core.errors import TypingError
 from numba.core.extending import intrinsic, models, overload, register_model, type_callable
 from numba.core.imputils import lower_builtin, lower_cast
 
+from explicitfe.platform.compiled.lanes import WIDTH
 from explicitfe.platform.compiled.parts import PartCompiler
-from explicitfe.platform.errors import InputError
 
-POSSIBLE_LANES = (2, 4, 8)
-
-
-def _lanes() -> int:
-    """Lanes of a vector: as many as one register of this machine holds, or what EXPLICITFE_LANES says.
-
-    More lanes than a register holds are slower (measured with AVX2: 4 lanes 45 ns, 8 lanes 64 ns per element and step), and fewer
-    too; results are equal to rounding. The environment variable is for tests: one machine then tries them all.
-    """
-    asked = os.environ.get("EXPLICITFE_LANES", "")
-    if asked == "":
-        return 8 if get_host_cpu_features().get("avx512f", False) else 4
-    if asked not in map(str, POSSIBLE_LANES):
-        raise InputError(
-            f'EXPLICITFE_LANES is "{asked}"; it can be {", ".join(map(str, POSSIBLE_LANES[:-1]))} or {POSSIBLE_LANES[-1]}.'
-        )
-    return int(asked)
-
-
-WIDTH = _lanes()  # element data is laid out in blocks of this many elements
 ROW = 4  # float64 in one node row [x, y, z, padding]: 32 bytes, so that a corner is one vector load
 
 _F64 = ir.DoubleType()

@@ -364,7 +364,7 @@ def test_the_force_kernel_is_vectorised(element, record_property):
     register = {2: "xmm", 4: "ymm", 8: wide}[WIDTH]
     simulation = Simulation(model_of(block_mesh((1, 1, 1)), element=element))
     simulation.compile()
-    fresh = numba.jit(simulation.kernels.forces.py_func, **OPTIONS)
+    fresh = numba.jit(simulation.kernels.internal_force.py_func, **OPTIONS)
     fresh(simulation.state.u, np.zeros_like(simulation.state.u), simulation.blocks)
     (code,) = fresh.inspect_asm().values()
     packed = re.findall(rf"\tv(?:mul|fn?m(?:add|sub)\w+)pd\b[^\n]*%{register}", code)

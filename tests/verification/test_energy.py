@@ -123,7 +123,7 @@ def broken_kernels() -> Kernels:
     respond = bind(response.elastic, inline=True, law_stress=circulating_stress, law_delta_slope=law_of("yeoh").delta_slope)
     force = bind(
         internal.internal_force,
-        stored=False,
+        apart=True,
         respond=respond,
         law_constants=response.bound_constants(law_of("yeoh")),
         hourglass_invariant=assumed_strain.invariant,

@@ -48,8 +48,8 @@ def bound(law: Leaves, treatment: ModuleType, layout: Layout, muscles: bool, der
     if treatment.HAS_BARRIER:
         active |= {"note": note_suspects, "hold_apart": hold_corners}
     energy_of_barrier = {"held_apart": barrier_energy} if treatment.HAS_BARRIER else {}
-    force = bind(internal_force, stored=False, respond=respond, hourglass_force=treatment.force, **common, **active)
-    energy = bind(internal_energy, stored=False, energies=energies, **common, **energy_of_barrier)
+    force = bind(internal_force, apart=True, respond=respond, hourglass_force=treatment.force, **common, **active)
+    energy = bind(internal_energy, apart=True, energies=energies, **common, **energy_of_barrier)
     return force, energy
 
 
@@ -125,8 +125,10 @@ def internal_force(u, force, blocks):
     return min_lanes(hold_apart(u, force, blocks, suspects, smallest))
 
 
-def internal_energy(u, blocks, element_J, element_energy, element_hourglass):
+def internal_energy(u, blocks, element_J, element_energy, element_hourglass, sums):
     """Strain energy, hourglass energy, energy lost in the material so far, and that of the barrier, at displacement u [J].
+
+    They are the first four of ``sums``; the first of them is given.
 
     ``element_J``, ``element_energy`` and ``element_hourglass``, (B, W) each, receive J, the strain energy without that of
     hourglass control, and the latter [J].
@@ -148,4 +150,5 @@ def internal_energy(u, blocks, element_J, element_energy, element_hourglass):
         store(element_J, block * WIDTH, J)
         store(element_energy, block * WIDTH, g[VOLUME] * alone)
         store(element_hourglass, block * WIDTH, g[VOLUME] * e)
-    return sum_lanes(internal), sum_lanes(hourglass), sum_lanes(lost), held_apart(u, blocks)
+    sums[0], sums[1], sums[2], sums[3] = sum_lanes(internal), sum_lanes(hourglass), sum_lanes(lost), held_apart(u, blocks)
+    return sums[0]

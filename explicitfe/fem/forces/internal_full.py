@@ -44,8 +44,8 @@ def bound(law: Leaves, treatment: ModuleType, layout: Layout, muscles: bool, der
     }
     active = {"start": contraction.start_contraction, "contract": contraction.contract} if muscles else {}
     leaves = {"law_slopes": law.slopes_at, "first_stress": law.kind.first_stress}
-    force = bind(internal_force, stored=False, **leaves, **common, **active)
-    energy = bind(internal_energy, stored=False, law_isochoric=law.isochoric_at, **common)
+    force = bind(internal_force, apart=True, **leaves, **common, **active)
+    energy = bind(internal_energy, apart=True, law_isochoric=law.isochoric_at, **common)
     return force, energy
 
 
@@ -101,8 +101,8 @@ def internal_force(u, force, blocks):
     return min_lanes(smallest)
 
 
-def internal_energy(u, blocks, element_J, element_energy, element_hourglass):
-    """Strain energy at displacement u, and 0 for hourglass control, for what is lost and for a barrier [J].
+def internal_energy(u, blocks, element_J, element_energy, element_hourglass, sums):
+    """Strain energy at displacement u, and 0 for hourglass control, for what is lost and for a barrier [J], into ``sums``.
 
     ``element_J`` (B, W) receives the mean J, ``element_energy`` (B, W) the strain energy [J], ``element_hourglass`` zeros.
     """
@@ -128,4 +128,5 @@ def internal_energy(u, blocks, element_J, element_energy, element_hourglass):
         store(element_J, block * WIDTH, mean)
         store(element_energy, block * WIDTH, energy)
         store(element_hourglass, block * WIDTH, splat(0.0))
-    return sum_lanes(internal), 0.0, 0.0, 0.0
+    sums[0], sums[1], sums[2], sums[3] = sum_lanes(internal), 0.0, 0.0, 0.0
+    return sums[0]

@@ -70,7 +70,8 @@ def course(state, part, looks, looker, shared, actions, samples, instant, span, 
     span : Span.
     ledgers : (parts, LEDGER). That of each part, changed in place.
     """
-    dt_before, dt, steps, looking, turns, length, contact_frequency, addresses = span
+    dt_before, dt, steps, looking, turns, length, contact_frequency = span
+    addresses = shared.addresses
     watch = looker.watch
     margins = margins_of(looking == UNDAMPED_STEP)
     ledger = ledgers[part.number]
@@ -102,8 +103,10 @@ def course(state, part, looks, looker, shared, actions, samples, instant, span, 
                     thorough = looking != AUTOMATIC_STEP or needs_all_turns(watch, ahead, barrier, margins)
                     while True:
                         most = turns if thorough else FEWEST_TURNS
-                        seeking = (state, part, looks, looker, actions, instant, most, NOT_SETTLED, length)
-                        highest = call_at(addresses.highest_frequency, seeking)
+                        differencing = (most, NOT_SETTLED, length, addresses.internal_force)
+                        highest = call_at(
+                            addresses.highest_frequency, (state, part, looks, looker, actions, instant, *differencing)
+                        )
                         limit = limit_of(highest, contact_frequency)
                         if thorough or limit >= SURE_SHARE_OF_LIMIT * watch[LIMIT]:
                             break
@@ -179,9 +182,7 @@ def gather(state, shared, actions, instant, dt, ledgers, samples, number):
             elif not theirs >= ledger[entry]:
                 ledger[entry] = theirs
     record = BoneRecord(samples.contact[number], samples.point_pressure)
-    energies = snapshot(state, shared, actions, instant, dt, ledger, rows, record, lanes)
-    for k, energy in enumerate(energies):
-        samples.energies[number, k] = energy
+    snapshot(state, shared, actions, instant, dt, ledger, rows, record, lanes, samples.energies[number])
     samples.smallest_J[number] = ledger[SMALLEST_J]
     samples.taken[0] = number + 1
     u, velocity = state.u, rows[0]

@@ -16,9 +16,10 @@ from explicitfe.fem.model.model import Model
 from explicitfe.fem.solve.directions import CENTRAL, Direction, inputs_of
 from explicitfe.fem.solve.kernels import ELEMENTS, Kernels, kernels_of
 from explicitfe.fem.solve.observe import Recording
-from explicitfe.fem.solve.simulation import SHORTEST_INCREMENT_S, Simulation
+from explicitfe.fem.solve.simulation import NO_ADDRESSES, SHORTEST_INCREMENT_S, Simulation
 from explicitfe.fem.tangent import element, step
 from explicitfe.fem.tangent.arrays import SharedWithTangents, tangents_of
+from explicitfe.platform.compiled.arrays import Addresses
 from explicitfe.platform.compiled.jit import Dispatcher, bind
 from explicitfe.platform.compiled.simd import WIDTH
 from explicitfe.platform.errors import InputError
@@ -97,8 +98,8 @@ class Differentiated(Simulation):
         """Derivatives of the displacement of points by each direction, (directions, points, 3), m per unit."""
         return np.array([self.model.mesh.at(points, change) for change in self.displacement_changes])
 
-    def _for_all_parts(self) -> SharedWithTangents:
-        return SharedWithTangents._make((*super()._for_all_parts(), self.tangents))
+    def _for_all_parts(self, addresses: Addresses = NO_ADDRESSES) -> SharedWithTangents:
+        return SharedWithTangents._make((*super()._for_all_parts(addresses), self.tangents))
 
 
 def layout_of(model: Model) -> Layout:

@@ -17,7 +17,7 @@ from explicitfe.fem.forces import apart, internal, internal_full, surfaces
 from explicitfe.fem.forces.response import Layout
 from explicitfe.fem.materials import law_of
 from explicitfe.fem.solve import course, look, relax_step, restraint, step
-from explicitfe.platform.compiled.arrays import Addresses, Blocks, Contact
+from explicitfe.platform.compiled.arrays import Addresses, Blocks, Contact, Part, State
 from explicitfe.platform.compiled.jit import Dispatcher, bind, kernel
 from explicitfe.platform.compiled.pieces import Piece, address_of, compile_pieces, typeof
 
@@ -26,48 +26,87 @@ from explicitfe.platform.compiled.pieces import Piece, address_of, compile_piece
 class Kernels:
     """The compiled entry points for one material law, element and set of effects; what each is given stands where it is written.
 
+    Only the internal forces and energies, and the scan, depend on these: all else calls them by their addresses, and so is the
+    same machine code for all.
+
     Attributes
     ----------
-    forces, elastic_energy : of ``solve/step.py``.
+    internal_force, internal_energy : of ``forces/internal.py`` or ``forces/internal_full.py``.
     course, gather : of ``solve/course.py``.
     scan, highest_frequency : of ``solve/look.py``.
-    relax, press, touch : of ``solve/relax_step.py``.
+    forces_at, energy_at : ``forces`` and ``elastic_energy`` of ``solve/step.py``.
+    relax_at, press, touch : of ``solve/relax_step.py``.
+    known : addresses by the name of the attribute.
     """
 
-    forces: Dispatcher
+    internal_force: Dispatcher
+    internal_energy: Dispatcher
     course: Dispatcher
     gather: Dispatcher
     scan: Dispatcher
     highest_frequency: Dispatcher
-    relax: Callable[..., int]
-    elastic_energy: Callable[[np.ndarray, Blocks, np.ndarray, np.ndarray, np.ndarray], tuple[float, float, float, float]]
+    forces_at: Dispatcher
+    energy_at: Dispatcher
+    relax_at: Dispatcher
     press: Callable[[np.ndarray, np.ndarray, Contact, np.ndarray], float]
     touch: Callable[[np.ndarray, Contact, np.ndarray, np.ndarray, np.ndarray, np.ndarray], None]
-    known: list[Addresses] = field(default_factory=list, compare=False)
+    known: dict[str, int] = field(default_factory=dict, compare=False)
+
+    def forces(self, u: np.ndarray, force: np.ndarray, blocks: Blocks) -> float:
+        """Minus the internal force at displacement u into ``force``, (N, 4) N each; give the smallest J."""
+        return self.forces_at(self._address("internal_force", u, force, blocks), u, force, blocks)
+
+    def elastic_energy(
+        self, u: np.ndarray, blocks: Blocks, element_J: np.ndarray, element_energy: np.ndarray, element_hourglass: np.ndarray
+    ) -> tuple[float, float, float, float]:
+        """Strain energy, hourglass energy, energy lost and that of the barrier [J]; J and the former two of elements, (B, W)."""
+        sums = np.zeros(4)
+        arguments = (u, blocks, element_J, element_energy, element_hourglass, sums)
+        self.energy_at(self._address("internal_energy", *arguments), *arguments)
+        internal, hourglass, lost, barrier = sums.tolist()
+        return internal, hourglass, lost, barrier
+
+    def relax(self, state: State, external: np.ndarray, inner: np.ndarray, part: Part, *others: Any) -> int:
+        """Relax towards equilibrium, as ``relax_step.relax``."""
+        at = self._address("internal_force", part.u, part.force, part.blocks)
+        return self.relax_at(at, state, external, inner, part, *others)
+
+    @property
+    def is_ready(self) -> bool:
+        """Whether all that a course calls is compiled."""
+        return set(Addresses._fields) <= set(self.known)
 
     def addresses(self, arguments: tuple[Any, ...]) -> Addresses:
-        """Addresses of the pieces that a course with these arguments calls, whose span may have any.
+        """Addresses of what a course with these arguments calls, whose ``shared`` may have any.
 
-        They are compiled with it, and with ``forces``, where that has not been done.
+        It is compiled together with the course where that has not been done.
         """
-        if not self.known:
+        if not self.is_ready:
             signature = tuple(typeof(argument) for argument in arguments)
             state, part, looks, looker, shared, actions, samples, whole, _, ledgers = signature
-            nodes, number = typeof(arguments[4].nodes), typeof(0.0)
+            one, common, rows, number = arguments[1], arguments[4], typeof(arguments[0].u), typeof(0.0)
+            lanes, sums = typeof(arguments[6].lanes[0]), typeof(arguments[6].ledger)
+            # Those that take long first. The forces are what takes longest of a first run, so another process begins with them.
             pieces: dict[str, Piece] = {
+                "internal_force": (self.internal_force, (typeof(one.u), typeof(one.force), typeof(one.blocks))),
                 "highest_frequency": (
                     self.highest_frequency,
-                    (state, part, looks, looker, actions, whole, whole, number, number),
+                    (state, part, looks, looker, actions, whole, whole, number, number, whole),
                 ),
                 "gather": (self.gather, (state, shared, actions, whole, number, ledgers, samples, whole)),
-                "scan": (self.scan, (state, part, looks, looker, nodes, number)),
+                "internal_energy": (self.internal_energy, (rows, typeof(common.blocks), lanes, lanes, lanes, sums)),
+                "scan": (self.scan, (state, part, looks, looker, typeof(common.nodes), number)),
             }
-            forces = self.forces, (typeof(arguments[0].u), typeof(arguments[0].force), typeof(arguments[4].blocks))
-            # Those that take long first. The parts of ``forces`` are those that a course calls last, so that one process lowers
-            # parts that the other one loads.
-            compile_pieces([(self.course, signature), forces, *pieces.values()])
-            self.known.append(Addresses(**{name: address_of(piece) for name, piece in pieces.items()}))
-        return self.known[0]
+            compile_pieces([(self.course, signature), *pieces.values()])
+            self.known.update({name: address_of(piece) for name, piece in pieces.items()})
+        return Addresses(**{name: self.known[name] for name in Addresses._fields})
+
+    def _address(self, name: str, *arguments: Any) -> int:
+        if name not in self.known:
+            piece: Piece = getattr(self, name), tuple(typeof(argument) for argument in arguments)
+            compile_pieces([piece])
+            self.known[name] = address_of(piece)
+        return self.known[name]
 
 
 # An element: the templates of its forces, and its hourglass treatment or Gauss points. The first is the default.
@@ -109,19 +148,32 @@ def kernels_of(
 
     ``contact`` is the module for contact of surfaces with each other; ``step_of`` makes another step from the usual one.
     """
-    pressing = {"add_surfaces": contact.add_surfaces, "surfaces_loss": contact.surfaces_loss}
+    usual, rest = _common(contact)
+    advancing = usual if step_of is None else _course(contact, step_of)
+    scan = bind(look.scan, apart=True, shape=shape)
+    return Kernels(internal_force=force, internal_energy=energy, course=advancing, scan=scan, **rest)
+
+
+@cache
+def _common(contact: ModuleType) -> tuple[Dispatcher, dict[str, Any]]:
+    """The course, and the other kernels that are the same for all laws, elements and effects."""
     hold = bind(restraint.hold, stored=False, add_surfaces_stiffness=contact.add_surfaces_stiffness)
-    evaluate = bind(look.evaluate, stored=False, internal_force=force, hold=hold)
-    snapshot = bind(step.snapshot, stored=False, internal_energy=energy, **pressing)
-    advance = bind(step.advance, stored=False, internal_force=force, **pressing)
-    return Kernels(
-        forces=bind(step.forces, internal_force=force),
-        course=bind(course.course, advance=advance if step_of is None else step_of(advance)),
-        gather=bind(course.gather, apart=True, snapshot=snapshot, add_surface_pressure=contact.add_surface_pressure),
-        scan=bind(look.scan, apart=True, shape=shape),
-        highest_frequency=bind(look.highest_frequency, apart=True, evaluate=evaluate, hold=hold),
-        relax=bind(relax_step.relax, internal_force=force),
-        elastic_energy=bind(step.elastic_energy, internal_energy=energy),
-        press=kernel(relax_step.press),
-        touch=kernel(relax_step.touch),
-    )
+    evaluate = bind(look.evaluate, stored=False, hold=hold)
+    snapshot = bind(step.snapshot, stored=False, **_pressing(contact))
+    return _course(contact, lambda advance: advance), {
+        "gather": bind(course.gather, apart=True, snapshot=snapshot, add_surface_pressure=contact.add_surface_pressure),
+        "highest_frequency": bind(look.highest_frequency, apart=True, evaluate=evaluate, hold=hold),
+        "forces_at": kernel(step.forces),
+        "energy_at": kernel(step.elastic_energy),
+        "relax_at": kernel(relax_step.relax),
+        "press": kernel(relax_step.press),
+        "touch": kernel(relax_step.touch),
+    }
+
+
+def _course(contact: ModuleType, step_of: Callable[..., Any]) -> Dispatcher:
+    return bind(course.course, advance=step_of(bind(step.advance, stored=False, **_pressing(contact))))
+
+
+def _pressing(contact: ModuleType) -> dict[str, Any]:
+    return {"add_surfaces": contact.add_surfaces, "surfaces_loss": contact.surfaces_loss}

@@ -26,11 +26,11 @@ from explicitfe.fem.solve.restraint import hold
 from explicitfe.fem.solve.stable_step import STEP_SHARE_OF_LIMIT
 from explicitfe.platform.compiled.arrays import INTERVAL, LIMIT, LOWEST_LIMIT, PERIOD, SINCE, WAIT
 from explicitfe.platform.compiled.jit import leaf
+from explicitfe.platform.compiled.pieces import call_at
 from explicitfe.platform.compiled.simd import ROW, WIDTH, load, load_many, min_lanes, minimum, splat, store, sum_lanes
 from explicitfe.platform.compiled.threads import wait
 
-# Placeholders, bound in solve/kernels.py.
-internal_force: Any = None
+# Placeholder, bound in solve/kernels.py.
 shape: Any = None
 
 # Each change of the step moves energy between the highest vibrations, at random; so it is kept while it lies between these shares
@@ -129,11 +129,11 @@ def smallest(sums, part, place, value):
     return result
 
 
-def evaluate(state, part, looks, looker, actions, instant):
+def evaluate(state, part, looks, looker, actions, instant, force_at):
     """Minus the internal force at ``looks.shifted`` into ``looks.response``, with ties and the stiffness of contact."""
     force = looker.force
     force[:] = 0.0
-    internal_force(looker.shifted, force, looker.blocks)
+    call_at(force_at, (looker.shifted, force, looker.blocks))
     wait(part.gate, part.parts)
     for at in range(0, looker.lower.size, WIDTH):
         store(force, at, load(force, at) + load(looker.lower, at))
@@ -142,13 +142,13 @@ def evaluate(state, part, looks, looker, actions, instant):
     hold(looks.response, looks.shifted, state, part, actions, instant)
 
 
-def highest_frequency(state, part, looks, looker, actions, instant, turns, settled, length):
+def highest_frequency(state, part, looks, looker, actions, instant, turns, settled, length, force_at):
     """Highest angular frequency [1/s] of the present state, whose force is there; NaN where the force is not finite.
 
     Lanczos iteration on A = M^-1/2 K M^-1/2 (Parlett 1998, chapter 13), a power iteration that uses all its vectors: the tangent
-    K is applied by differencing the internal force over ``length`` m, so no matrix is ever formed. The estimate comes from below
-    and grows with the number of turns, one force each: so many at most, and no more once its square rises by less than a share of
-    it, ``settled``. ``looks.vector`` is where it starts, with noise, and receives what it has come to.
+    K is applied by differencing the internal force, which stands at an address, over ``length`` m, so no matrix is ever formed.
+    The estimate comes from below and grows with the number of turns, one force each: so many at most, and no more once its square
+    rises by less than a share of it, ``settled``. ``looks.vector`` is where it starts, with noise, and receives the last vector.
     """
     root, basis, sums = looks.root, looks.basis, looks.sums
     response = looks.response
@@ -170,7 +170,7 @@ def highest_frequency(state, part, looks, looker, actions, instant, turns, settl
         for at in range(first, last, WIDTH):
             store(looks.shifted, at, load(state.u, at) + step * load(root, at) * load(basis, here + at))
         wait(part.gate, part.parts)
-        evaluate(state, part, looks, looker, actions, instant)
+        evaluate(state, part, looks, looker, actions, instant, force_at)
         # A times the last vector, less the last two, is the next vector
         before, coupling = (here - size, beside[turn - 1]) if turn > 0 else (here, 0.0)
         product = splat(0.0)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 from explicitfe.fem.forces.contact import add_contact, clearance, find_depth, follow, friction, push_at, shape_of
 from explicitfe.fem.forces.springs import add_springs
@@ -33,11 +32,9 @@ from explicitfe.platform.compiled.arrays import (
     WORK,
 )
 from explicitfe.platform.compiled.jit import leaf
+from explicitfe.platform.compiled.pieces import call_at
 from explicitfe.platform.compiled.simd import ROW, WIDTH, load, splat, store, sum_lanes
 from explicitfe.platform.compiled.threads import wait
-
-# Placeholder, bound in solve/kernels.py.
-internal_force: Any = None
 
 NEWEST_ESTIMATE_WEIGHT = 0.1  # of the stiffness, in a relaxation's mean
 # The last increment tells of the modes that move fastest, which are above the slowest: this share of its Rayleigh quotient is
@@ -47,7 +44,7 @@ LARGEST_STIFFNESS_ESTIMATE = 3.8  # above it a relaxation stops: fresh masses ke
 ITERATIONS_PER_RESIDUAL = 20  # between two looks at it
 
 
-def relax(state, external, inner, part, nodes, surface, goal, sums, iterations, monitor):
+def relax(force_at, state, external, inner, part, nodes, surface, goal, sums, iterations, monitor):
     """Relax towards equilibrium by up to so many iterations; give the number done.
 
     Central differences with dt = 1 and fictitious masses, under viscous damping that follows the lowest frequency that still
@@ -60,6 +57,7 @@ def relax(state, external, inner, part, nodes, surface, goal, sums, iterations, 
 
     Parameters
     ----------
+    force_at : address of the internal force.
     state : State, changed in place; v is the increment of the last iteration, force all forces but the external ones.
     external : (N, 4) N. Dead loads. ``inner`` (N, 4) is a work array.
     part : Part.
@@ -84,7 +82,7 @@ def relax(state, external, inner, part, nodes, surface, goal, sums, iterations, 
         if first:
             turn(u, turned)
         part.force[:] = 0.0
-        own_sums[SUM_J] = internal_force(part.u, part.force, part.blocks)
+        own_sums[SUM_J] = call_at(force_at, (part.u, part.force, part.blocks))
         follow(u, contact, part.number, part.parts)
         wait(part.gate, part.parts)
         rest_J = smallest(sums)

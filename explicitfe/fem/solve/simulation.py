@@ -45,7 +45,7 @@ from explicitfe.platform.errors import InputError
 
 _UNRECORDED = BoneRecord(np.zeros((0, 0)), np.zeros((0, 0)))
 _NOTHING = np.zeros(0, dtype=np.int64)  # no instants: asks for no samples
-_UNKNOWN = Addresses(0, 0, 0)
+NO_ADDRESSES = Addresses(0, 0, 0, 0, 0)
 SHORTEST_INCREMENT_S = 1e-12  # that the instants of a state before the first step are apart
 LONG_HOLD_S = 1e9  # after which a material that is held is relaxed
 MANY_ELEMENTS = 32768  # more are not all looked at to name the one that limits the step
@@ -128,7 +128,7 @@ class Simulation(Body):
         ----------
         turns : number of Lanczos iterations.
         """
-        if not self.kernels.known:  # all pieces at once
+        if not self.kernels.is_ready:  # all pieces at once
             self.compile()
         self._evaluate([looker.blocks for looker in self.lookers])
         looks = self._looks._replace(basis=zeros((turns + 1, *self.state.u.shape)))
@@ -410,9 +410,9 @@ class Simulation(Body):
             force[part.first : part.first + part.own] = part.force[: part.own]
         return float(np.min(smallest))
 
-    def _for_all_parts(self) -> tuple[object, ...]:
+    def _for_all_parts(self, addresses: Addresses = NO_ADDRESSES) -> tuple[object, ...]:
         """What the parts share; a run that is differentiated has more to share."""
-        return Shared(self.blocks, self.nodes, self._external, float(self.alpha_per_s), _UNRECORDED)
+        return Shared(self.blocks, self.nodes, self._external, float(self.alpha_per_s), _UNRECORDED, addresses)
 
     def _course(
         self,
@@ -427,10 +427,10 @@ class Simulation(Body):
         looks, lookers, turns = looking_with or (self._looks, self.lookers, TURNS_LATER)
         actions = self.loads.actions(times, max(dt_s, SHORTEST_INCREMENT_S), self.bones, self.ties, self.surfaces, self._planned)
         lengths = (self._difference_m, self._contact_frequency)
-        span = Span(float(self.dt_s), float(dt_s), int(steps), int(looking), int(turns), *lengths, _UNKNOWN)
+        span = Span(float(self.dt_s), float(dt_s), int(steps), int(looking), int(turns), *lengths)
         shared = self._for_all_parts()
         first = (self.state, self.parts[0], looks, lookers[0], shared, actions, samples, 0, span, self._ledgers)
-        others = (shared, actions, samples, 0, span._replace(addresses=self.kernels.addresses(first)), self._ledgers)
+        others = (self._for_all_parts(self.kernels.addresses(first)), actions, samples, 0, span, self._ledgers)
         gate = self.parts[0].gate
         gate[:] = 0
         tasks = [

@@ -11,8 +11,6 @@ section 9.1; Belytschko et al. 2014, section 6.2.3 averages velocities instead, 
 
 from __future__ import annotations
 
-from typing import Any
-
 from explicitfe.fem.forces.apart import add_surfaces, surfaces_loss
 from explicitfe.fem.forces.bone import rest_on_bones
 from explicitfe.fem.forces.contraction import contraction_work
@@ -35,18 +33,15 @@ from explicitfe.platform.compiled.arrays import (
     SWEEP_ROWS,
     Recurrence,
 )
+from explicitfe.platform.compiled.pieces import call_at
 from explicitfe.platform.compiled.simd import ROW, WIDTH, load, load_fourth, splat, store, sum_lanes
 from explicitfe.platform.compiled.threads import ask_to_stop, asked_to_stop, wait
 
-# Placeholders, bound in solve/kernels.py.
-internal_force: Any = None
-internal_energy: Any = None
 
-
-def forces(u, force, blocks):
+def forces(force_at, u, force, blocks):
     """Minus the internal force at displacement u into ``force``; give the smallest J."""
     force[:] = 0.0
-    return internal_force(u, force, blocks)
+    return call_at(force_at, (u, force, blocks))
 
 
 def advance(state, part, shared, actions, dt_before, dt, stiffest, most_fall, first, last, ledger):
@@ -145,7 +140,7 @@ def advance(state, part, shared, actions, dt_before, dt, stiffest, most_fall, fi
             ledger[EXTERNAL_WORK] += rubbed
             ledger[CONTACT_LOSS] += rubbed
         force[part.own :] = 0.0
-        smallest = internal_force(part.u, force, part.blocks)
+        smallest = call_at(shared.addresses.internal_force, (part.u, force, part.blocks))
         ledger[EXTERNAL_WORK] += contraction_work(part.blocks, muscles[step], muscles[step + 1])
         corner = part.blocks.corner[CORNER]
         fall = nearest - corner
@@ -170,8 +165,8 @@ def advance(state, part, shared, actions, dt_before, dt, stiffest, most_fall, fi
     return done
 
 
-def snapshot(state, shared, actions, instant, dt, ledger, rows, record, lanes):
-    """Energies (ENERGIES,) [J] at an instant, that of the state, and what is recorded there; the state is only read.
+def snapshot(state, shared, actions, instant, dt, ledger, rows, record, lanes, energies):
+    """Write the energies (ENERGIES,) [J] at an instant, that of the state, and what is recorded there; the state is only read.
 
     ``rows`` (2, N, 4) receive the velocity at t_n, (v- + v+) / 2, and all forces but the external ones, ``record`` what the bones
     do, and ``lanes`` (3, B, W) J, the strain energy and the hourglass energy [J] of the elements. The actions have one instant
@@ -216,21 +211,25 @@ def snapshot(state, shared, actions, instant, dt, ledger, rows, record, lanes):
     driven_kinetic, driven_work, driven_loss = correct(
         u, v, force, external, velocity, nodes, actions.motion, instant, keep, alpha, dt
     )
-    internal, hourglass, lost, barrier = internal_energy(u, shared.blocks, lanes[0], lanes[1], lanes[2])
-    return (
-        internal,
-        hourglass,
-        sum_lanes(kinetic) + driven_kinetic,
-        ledger[EXTERNAL_WORK] + sum_lanes(work) + driven_work + bone_work + tied + pressed + rubbed,
-        ledger[DAMPING_LOSS] + 0.5 * alpha * (sum_lanes(loss) + driven_loss),
-        lost,
-        touching + pressed,
-        tied,
-        ledger[CONTACT_LOSS] + friction_loss + rubbed,
-        barrier,
-    )
+    call_at(shared.addresses.internal_energy, (u, shared.blocks, lanes[0], lanes[1], lanes[2], energies))
+    internal, hourglass, lost, barrier = energies[0], energies[1], energies[2], energies[3]
+    for k, energy in enumerate(
+        (
+            internal,
+            hourglass,
+            sum_lanes(kinetic) + driven_kinetic,
+            ledger[EXTERNAL_WORK] + sum_lanes(work) + driven_work + bone_work + tied + pressed + rubbed,
+            ledger[DAMPING_LOSS] + 0.5 * alpha * (sum_lanes(loss) + driven_loss),
+            lost,
+            touching + pressed,
+            tied,
+            ledger[CONTACT_LOSS] + friction_loss + rubbed,
+            barrier,
+        )
+    ):
+        energies[k] = energy
 
 
-def elastic_energy(u, blocks, element_J, element_energy, element_hourglass):
+def elastic_energy(energy_at, u, blocks, element_J, element_energy, element_hourglass, sums):
     """Strain energy, hourglass energy, energy lost and that of the barrier [J], and the former two of each element, (B, W)."""
-    return internal_energy(u, blocks, element_J, element_energy, element_hourglass)
+    return call_at(energy_at, (u, blocks, element_J, element_energy, element_hourglass, sums))

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from explicitfe.platform.compiled.arrays import Blocks, BoneRecord, Nodes, zeros
+from explicitfe.platform.compiled.arrays import Addresses, Blocks, BoneRecord, Nodes, zeros
 from explicitfe.platform.compiled.jit import leaf
 from explicitfe.platform.compiled.simd import ROW, WIDTH, store
 
@@ -71,6 +71,7 @@ class SharedWithTangents(NamedTuple):
     external: np.ndarray
     alpha: float
     unrecorded: BoneRecord
+    addresses: Addresses
     tangents: Tangents
 
 

@@ -281,6 +281,16 @@ class BoneRecord(NamedTuple):
     pressure: np.ndarray  # [Pa], (bones, points)
 
 
+class Addresses(NamedTuple):
+    """Where the machine code of functions begins that a course calls."""
+
+    internal_force: int
+    internal_energy: int
+    gather: int
+    scan: int
+    highest_frequency: int
+
+
 class Shared(NamedTuple):
     """What the parts of a body share."""
 
@@ -289,6 +299,7 @@ class Shared(NamedTuple):
     external: np.ndarray  # work array for the external forces [N], (N, 4)
     alpha: float  # mass-proportional damping [1/s]
     unrecorded: BoneRecord  # empty
+    addresses: Addresses
 
 
 class Recurrence(NamedTuple):
@@ -298,14 +309,6 @@ class Recurrence(NamedTuple):
     gain: float  # [s]
     ahead: float  # time of the velocity after the instant [s]
     behind: float  # time of the velocity before it [s]
-
-
-class Addresses(NamedTuple):
-    """Where the machine code of functions of solve/course.py and solve/look.py begins that a course calls."""
-
-    gather: int
-    scan: int
-    highest_frequency: int
 
 
 class Span(NamedTuple):
@@ -318,7 +321,6 @@ class Span(NamedTuple):
     turns: int  # most turns of a look
     length: float  # over which a look differences forces [m]
     contact_frequency: float  # bound of the frequency of contact [1/s]
-    addresses: Addresses
 
 
 class Surface(NamedTuple):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +18,7 @@ from explicitfe.fem.mesh.hexmesh import HexMesh, MaterialPoints
 from explicitfe.fem.mesh.surface_points import points_on_set, surface_areas
 from explicitfe.fem.mesh.triangles import triangle_distance
 from explicitfe.fem.model.model import Attachment, Bone, FibrePull
+from explicitfe.platform.compiled.threads import cores
 from explicitfe.platform.errors import InputError, nearest
 from explicitfe.simulate.anatomy import catalogue
 from explicitfe.simulate.scenario.bones import GLIDE_MM_PER_DEG, SOFT_PARTS, BoneTable, HyoidTable, JawTable
@@ -44,16 +46,18 @@ def bones_of(scenario: TransientScenario, mesh: HexMesh, folder: Path) -> tuple[
             raise InputError(f'{names.count(name)} bones have the name "{name}"; give each its own name.')
     motion = jaw_motion(scenario)
     surface_points = mesh.points[surface_areas(mesh) > 0.0] if scenario.bone else mesh.points
-    return tuple(
-        Bone(
-            table.name,
-            *_surface(table, built_in, folder, surface_points, bool(scenario.body)),
-            motion=motion if table.moves_with_jaw else None,
-            friction=table.friction,
-            smooth=table.smooth,
+    with ThreadPoolExecutor(cores()) as pool:
+        surfaces = pool.map(lambda table: _surface(table, built_in, folder, surface_points, bool(scenario.body)), scenario.bone)
+        return tuple(
+            Bone(
+                table.name,
+                *surface,
+                motion=motion if table.moves_with_jaw else None,
+                friction=table.friction,
+                smooth=table.smooth,
+            )
+            for table, surface in zip(scenario.bone, surfaces, strict=True)
         )
-        for table in scenario.bone
-    )
 
 
 def _surface(

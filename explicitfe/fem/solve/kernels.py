@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import cache
+from functools import cache, partial
 from types import ModuleType
 from typing import Any
 
@@ -148,32 +148,33 @@ def kernels_of(
 
     ``contact`` is the module for contact of surfaces with each other; ``step_of`` makes another step from the usual one.
     """
-    usual, rest = _common(contact)
-    advancing = usual if step_of is None else _course(contact, step_of)
     scan = bind(look.scan, apart=True, shape=shape)
-    return Kernels(internal_force=force, internal_energy=energy, course=advancing, scan=scan, **rest)
+    whole = partial(_with_contact(contact), internal_force=force, internal_energy=energy, scan=scan)
+    return whole() if step_of is None else whole(course=_course(contact, step_of))
 
 
 @cache
-def _common(contact: ModuleType) -> tuple[Dispatcher, dict[str, Any]]:
-    """The course, and the other kernels that are the same for all laws, elements and effects."""
+def _with_contact(contact: ModuleType) -> Callable[..., Kernels]:
+    """Kernels but for those that depend on law, element and effects."""
     hold = bind(restraint.hold, stored=False, add_surfaces_stiffness=contact.add_surfaces_stiffness)
     evaluate = bind(look.evaluate, stored=False, hold=hold)
     snapshot = bind(step.snapshot, stored=False, **_pressing(contact))
-    return _course(contact, lambda advance: advance), {
-        "gather": bind(course.gather, apart=True, snapshot=snapshot, add_surface_pressure=contact.add_surface_pressure),
-        "highest_frequency": bind(look.highest_frequency, apart=True, evaluate=evaluate, hold=hold),
-        "forces_at": kernel(step.forces),
-        "energy_at": kernel(step.elastic_energy),
-        "relax_at": kernel(relax_step.relax),
-        "press": kernel(relax_step.press),
-        "touch": kernel(relax_step.touch),
-    }
+    return partial(
+        Kernels,
+        course=_course(contact, lambda advance: advance),
+        gather=bind(course.gather, apart=True, snapshot=snapshot, add_surface_pressure=contact.add_surface_pressure),
+        highest_frequency=bind(look.highest_frequency, apart=True, evaluate=evaluate, hold=hold),
+        forces_at=kernel(step.forces),
+        energy_at=kernel(step.elastic_energy),
+        relax_at=kernel(relax_step.relax),
+        press=kernel(relax_step.press),
+        touch=kernel(relax_step.touch),
+    )
 
 
 def _course(contact: ModuleType, step_of: Callable[..., Any]) -> Dispatcher:
     return bind(course.course, advance=step_of(bind(step.advance, stored=False, **_pressing(contact))))
 
 
-def _pressing(contact: ModuleType) -> dict[str, Any]:
+def _pressing(contact: ModuleType) -> dict[str, Dispatcher]:
     return {"add_surfaces": contact.add_surfaces, "surfaces_loss": contact.surfaces_loss}

@@ -13,6 +13,11 @@ import pytest
 # Numba colours the messages that it discards while it infers types, for a twentieth of the time to compile.
 os.environ.setdefault("NUMBA_DISABLE_ERROR_MESSAGE_HIGHLIGHTING", "1")
 
+# Two test processes whose libraries start threads for products of small matrices wait for each other, for a minute at a time.
+# The command line sets the same.
+for library in ("OPENBLAS", "MKL", "OMP"):
+    os.environ.setdefault(f"{library}_NUM_THREADS", "1")
+
 HERE = Path(__file__).resolve().parent
 for folder in (HERE, HERE.parent / "studies" / "benchmarks", HERE.parent):
     if str(folder) not in sys.path:

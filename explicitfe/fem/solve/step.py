@@ -193,8 +193,9 @@ def snapshot(state, shared, actions, instant, dt, ledger, rows, record, lanes, e
     record.sums[:] = 0.0
     record.pressure[:] = 0.0
     recurrence = Recurrence(keep, gain, 0.0, 0.5 * dt)
+    first = 0 * instant  # no literal, for which the compiler would make code of its own
     friction_loss, bone_work, touching = rest_on_bones(
-        resting, 0, state, external, nodes, bones, placement, instant, 0, len(bones.node), recurrence, record
+        resting, first, state, external, nodes, bones, placement, instant, first, len(bones.node), recurrence, record
     )
     kinetic = splat(0.0)
     work = splat(0.0)

@@ -58,15 +58,16 @@ def address_of(piece: Piece) -> int:
 
 def compile_pieces(pieces: Sequence[Piece]) -> None:
     """Load pieces from disk, or compile them one after the other, here and by further processes on free cores."""
-    missing = [piece for piece in pieces if not _is_loaded(*piece)]
-    others = min(cores(), len(missing)) - 1 if sys.platform == "linux" else 0
-    with _queue(len(missing)) as waiting:
-        processes = [_compile_in_another_process(missing, waiting) for _ in range(others)]
-        _compile_next(missing, waiting)
-    for process in processes:
-        _await(process)
-    for dispatcher, signature in missing:
-        dispatcher.compile(signature)  # loads what another process has stored
+    with global_compiler_lock:  # another thread that asks for the same pieces waits for them
+        missing = [piece for piece in pieces if not _is_loaded(*piece)]
+        others = min(cores(), len(missing)) - 1 if sys.platform == "linux" else 0
+        with _queue(len(missing)) as waiting:
+            processes = [_compile_in_another_process(missing, waiting) for _ in range(others)]
+            _compile_next(missing, waiting)
+        for process in processes:
+            _await(process)
+        for dispatcher, signature in missing:
+            dispatcher.compile(signature)  # loads what another process has stored
 
 
 @contextmanager
@@ -100,7 +101,7 @@ def _is_loaded(dispatcher: Dispatcher, signature: tuple[types.Type, ...]) -> boo
 
 def _compile_in_another_process(pieces: Sequence[Piece], waiting: int) -> int:
     """Number of a process that compiles pieces from the queue, stores them on disk and ends."""
-    with global_compiler_lock, warnings.catch_warnings():  # no other thread is within the compiler, where a copy would remain
+    with warnings.catch_warnings():  # no other thread is within the compiler, where a copy would remain
         warnings.simplefilter("ignore", DeprecationWarning)  # of other threads: the new process needs none of their locks
         process = os.fork()
     if process == 0:

@@ -22,7 +22,7 @@ from explicitfe.simulate.anatomy.tongue import tongue_model
 
 EVERY_S = 5e-3
 LOOKS = 10
-ENDLESS_S = 1e9
+ENDLESS_S = 3600.0
 
 
 def shaken(mesh_points: np.ndarray, held: np.ndarray) -> np.ndarray:

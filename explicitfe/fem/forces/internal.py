@@ -128,7 +128,7 @@ def internal_force(u, force, blocks):
 def internal_energy(u, blocks, element_J, element_energy, element_hourglass, sums):
     """Strain energy, hourglass energy, energy lost in the material so far, and that of the barrier, at displacement u [J].
 
-    They are the first four of ``sums``; the first of them is given.
+    They are written into the first four entries of ``sums``; the first one is returned.
 
     ``element_J``, ``element_energy`` and ``element_hourglass``, (B, W) each, receive J, the strain energy without that of
     hourglass control, and the latter [J].

@@ -26,8 +26,8 @@ from explicitfe.platform.compiled.pieces import Piece, address_of, compile_piece
 class Kernels:
     """The compiled entry points for one material law, element and set of effects; what each is given stands where it is written.
 
-    Only the internal forces and energies, and the scan, depend on these: all else calls them by their addresses, and so is the
-    same machine code for all.
+    Only the internal forces, the internal energies and the scan depend on these. The other kernels call them by address, so that
+    their machine code is the same for all.
 
     Attributes
     ----------
@@ -77,16 +77,16 @@ class Kernels:
         return set(Addresses._fields) <= set(self.known)
 
     def addresses(self, arguments: tuple[Any, ...]) -> Addresses:
-        """Addresses of what a course with these arguments calls, whose ``shared`` may have any.
+        """Addresses of the functions that ``course`` calls. Compile or load ``course`` and these at the first call.
 
-        It is compiled together with the course where that has not been done.
+        ``arguments`` are those of ``course``; only their types matter.
         """
         if not self.is_ready:
             signature = tuple(typeof(argument) for argument in arguments)
             state, part, looks, looker, shared, actions, samples, whole, _, ledgers = signature
             one, common, rows, number = arguments[1], arguments[4], typeof(arguments[0].u), typeof(0.0)
             lanes, sums = typeof(arguments[6].lanes[0]), typeof(arguments[6].ledger)
-            # Those that take long first. The forces are what takes longest of a first run, so another process begins with them.
+            # In the order of the times to compile. A child process begins with the forces while this one compiles the course.
             pieces: dict[str, Piece] = {
                 "internal_force": (self.internal_force, (typeof(one.u), typeof(one.force), typeof(one.blocks))),
                 "highest_frequency": (

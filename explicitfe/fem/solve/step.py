@@ -193,7 +193,7 @@ def snapshot(state, shared, actions, instant, dt, ledger, rows, record, lanes, e
     record.sums[:] = 0.0
     record.pressure[:] = 0.0
     recurrence = Recurrence(keep, gain, 0.0, 0.5 * dt)
-    first = 0 * instant  # no literal, for which the compiler would make code of its own
+    first = 0 * instant  # a literal 0 would have a type of its own and compile the function again
     friction_loss, bone_work, touching = rest_on_bones(
         resting, first, state, external, nodes, bones, placement, instant, first, len(bones.node), recurrence, record
     )

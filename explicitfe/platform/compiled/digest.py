@@ -1,4 +1,4 @@
-"""What identifies compiled code: a digest of every source, constant and byte code that can reach the machine code."""
+"""Digests that identify compiled code: of all sources, constants and byte code that it depends on."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from numba.core.dispatcher import Dispatcher
 from explicitfe.platform.compiled.lanes import WIDTH
 
 _PACKAGE = Path(__file__).parents[2]
-# Where anything that can reach machine code stands.
+# Sources that compiled code depends on.
 _KERNEL_SOURCES = (
     "platform/compiled",
     "fem/elements",
@@ -36,7 +36,7 @@ _DIGESTS: WeakKeyDictionary[FunctionType, str] = WeakKeyDictionary()
 
 
 def digest_of_bindings(bindings: Mapping[str, object]) -> str:
-    """Digest of the package's kernels and of what is put in the place of placeholders."""
+    """Digest of the sources of all kernels and of the values that are bound to placeholders."""
     sums = hashlib.sha256(_package_digest())
     for name, value in sorted(bindings.items()):
         sums.update(name.encode())
@@ -48,7 +48,7 @@ def digest_of_bindings(bindings: Mapping[str, object]) -> str:
 
 
 def digest_of_part(function: FunctionType) -> str:
-    """Digest of the package's kernels, of a function and of all that it calls, as they are when it is first asked for."""
+    """Digest of the sources of all kernels, of a function and of the functions that it calls; computed once."""
     if function not in _DIGESTS:
         sums = hashlib.sha256(_package_digest())
         sums.update(_reached(function, _own_once))
@@ -57,12 +57,12 @@ def digest_of_part(function: FunctionType) -> str:
 
 
 def name_of_part(function: FunctionType) -> str:
-    """Name of a function that only this code has."""
+    """Name of a function with the digest of its code."""
     return f"{function.__module__}.{function.__qualname__}_{digest_of_part(function)}"
 
 
 def _reached(function: FunctionType, own: Callable[[FunctionType], _Own]) -> bytes:
-    """What identifies a function and all that it calls."""
+    """Digests of a function and of all functions that it calls, one after the other."""
     parts: list[bytes] = []
     waiting, seen = [function], set()
     while waiting:
@@ -76,14 +76,14 @@ def _reached(function: FunctionType, own: Callable[[FunctionType], _Own]) -> byt
 
 
 def _own_once(function: FunctionType) -> _Own:
-    """As :func:`_own`, remembered: a function that several kernels call is compiled as it first was."""
+    """Cached :func:`_own`."""
     if function not in _OWN:
         _OWN[function] = _own(function)
     return _OWN[function]
 
 
 def _own(function: FunctionType) -> _Own:
-    """What identifies a function: name, byte code, constants and the files they stand in. Then the functions that it calls."""
+    """Digest of the name, byte code, constants and source files of a function, and the functions that it calls."""
     parts = [f"{function.__module__}.{function.__qualname__}".encode(), _file_bytes(function.__code__.co_filename)]
     reads: dict[str, object] = {}
     codes = [function.__code__]

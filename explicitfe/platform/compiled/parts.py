@@ -28,16 +28,16 @@ PARTS: WeakKeyDictionary[FunctionType, ref[Dispatcher]] = WeakKeyDictionary()
 
 
 class PartLibrary(JITCodeLibrary):
-    """The code of a function that only kernels call, as it was lowered. What it calls is linked into the kernel.
+    """LLVM IR of a function that only kernels call, without the functions that it calls, which are linked into the kernel.
 
-    The names of parts carry a digest of their sources, so that they name the same code in each process.
+    The name contains a digest of the sources, so that it identifies the same code in each process.
     """
 
     part: str | None = None
     arguments: tuple[Any, ...] = ()
 
     def finalize(self) -> None:
-        """Link what is no part, under names of this one: Numba's names differ between processes. Leave the rest to the kernel."""
+        """Link called functions that are not parts, and rename them, as Numba numbers them differently in each process."""
         self._raise_if_finalized()
         parts = [library for library in self._linking_libraries if isinstance(library, PartLibrary) and library.part]
         own = [function.name for function in self._final_module.functions if not function.is_declaration]
@@ -56,7 +56,7 @@ class PartLibrary(JITCodeLibrary):
     def from_bitcode(
         cls, codegen: Any, identity: tuple[str, str, tuple[Any, ...]], bitcode: bytes, called: list[Any]
     ) -> PartLibrary:
-        """The library of what :meth:`identity` and :meth:`alone` gave in another process."""
+        """Create a library from its :meth:`identity`, the bitcode of :meth:`alone`, and the libraries of called parts."""
         name, part, arguments = identity
         library = cls(codegen, name)
         library.part, library.arguments = part, arguments
@@ -112,7 +112,7 @@ def _note_reached(libraries: list[CPUCodeLibrary], reached: dict[CPUCodeLibrary,
 
 
 def entry_of_part() -> Any:
-    """What stands for a function that has no machine code; Numba asks for a function of C."""
+    """Placeholder for the entry point of a function without machine code; Numba requires a C function."""
     return dict[Any, Any]().update
 
 
@@ -171,7 +171,7 @@ class KernelCompiler(PartCompiler):
     lowering = KernelLowering
 
     def compile_extra(self, func: Any) -> Any:
-        """Compile without searching for garbage, of which there is next to none."""
+        """Compile without garbage collection, as hardly any garbage arises."""
         collects = gc.isenabled()
         gc.disable()
         try:
@@ -186,7 +186,6 @@ def _call_with_room(function: Any, argument: Any) -> Any:
     return function(argument)
 
 
-# Python keeps its frames in chunks of 16 KB. Numba's compiler, deep in frames, enters and leaves a chunk at each call, for which
-# Python asks the system for memory and gives it back: a sixth of the time to compile. A frame that may grow large gets a chunk of
-# its own, here of 4 MB, with room for those that follow.
+# CPython stores frames in chunks of 16 KB. Deep in Numba's compiler each call allocates a chunk and frees it again, which takes a
+# sixth of the time to compile. A frame with a large stack gets a chunk of its own, here of 4 MB, with space for further frames.
 _call_with_room.__code__ = _call_with_room.__code__.replace(co_stacksize=270_000)

@@ -57,7 +57,7 @@ def address_of(piece: Piece) -> int:
 
 
 def compile_pieces(pieces: Sequence[Piece]) -> None:
-    """Load pieces from disk, or compile them one after the other, here and by further processes on free cores."""
+    """Load pieces from disk, or compile them in this process and in child processes on free cores."""
     with global_compiler_lock:  # another thread that asks for the same pieces waits for them
         missing = [piece for piece in pieces if not _is_loaded(*piece)]
         others = min(cores(), len(missing)) - 1 if sys.platform == "linux" else 0
@@ -72,7 +72,7 @@ def compile_pieces(pieces: Sequence[Piece]) -> None:
 
 @contextmanager
 def _queue(length: int) -> Iterator[int]:
-    """File from which each reader gets the next number; the numbers end at a length."""
+    """Pipe with the numbers below ``length``; each read of a byte takes the next one."""
     reader, writer = os.pipe()
     os.write(writer, bytes(range(length)))
     os.close(writer)
@@ -83,7 +83,7 @@ def _queue(length: int) -> Iterator[int]:
 
 
 def _compile_next(pieces: Sequence[Piece], waiting: int) -> None:
-    """Compile the pieces whose numbers are still in the queue."""
+    """Compile pieces until the queue is empty."""
     while number := os.read(waiting, 1):
         dispatcher, signature = pieces[number[0]]
         dispatcher.compile(signature)
@@ -107,7 +107,7 @@ def _compile_in_another_process(pieces: Sequence[Piece], waiting: int) -> int:
     if process == 0:
         try:
             signal.signal(signal.SIGINT, signal.SIG_DFL)
-            nowhere = os.open(os.devnull, os.O_WRONLY)  # the first process reports the compilation, and any error
+            nowhere = os.open(os.devnull, os.O_WRONLY)  # the parent process reports progress and errors
             for stream in (1, 2):
                 os.dup2(nowhere, stream)
             _compile_next(pieces, waiting)

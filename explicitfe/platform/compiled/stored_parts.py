@@ -1,6 +1,6 @@
-"""Cache on disk of functions that only kernels call: kernels of further kinds and other processes load them.
+"""Cache on disk for functions that only kernels call. Other kernels and other processes load them.
 
-What is stored is the code as it was lowered, so that a kernel is the same whether its parts were loaded or compiled.
+The cache contains LLVM bitcode before optimisation, so that a kernel does not depend on whether its parts were loaded or lowered.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from explicitfe.platform.compiled.parts import PARTS, PartLibrary, entry_of_part
 
 
 class PartCache(NullCache):
-    """Cache of one function. What it takes is prepared when the function is first compiled: most processes compile nothing."""
+    """Cache of one function. It is set up when the function is first compiled, as most processes compile nothing."""
 
     def __init__(self, dispatcher: Dispatcher) -> None:
         self._dispatcher = ref(dispatcher)
@@ -50,10 +50,10 @@ class PartCache(NullCache):
 
 
 class _Form(CompileResultCacheImpl):
-    """What is stored of a compiled function."""
+    """Conversion of a compiled function to and from its stored form."""
 
     def reduce(self, cres: CompileResult) -> tuple[Any, ...]:
-        """Give what can be stored: code, what it calls, and what a caller has to know."""
+        """Return the bitcode, the called parts, and the description that callers need."""
         library = cres.library
         described = copy(cres.fndesc)
         described.typemap = described.calltypes = None
@@ -61,7 +61,7 @@ class _Form(CompileResultCacheImpl):
         return (library.identity(), "part", library.alone().as_bitcode()), called, described, cres.environment, cres.signature
 
     def rebuild(self, target_context: Any, payload: tuple[Any, ...]) -> CompileResult | None:
-        """Give back the compiled function with what it calls; None if this process lacks one of the functions."""
+        """Restore a function with the parts that it calls; return None if this process lacks one of them."""
         (identity, _, code), called, described, environment, signature = payload
         libraries = []
         for part, arguments in called:
@@ -90,7 +90,7 @@ class _Form(CompileResultCacheImpl):
 
 
 def _part_of_name(name: str) -> Dispatcher | None:
-    """The function of a name, if this process has it."""
+    """Find a function of this process by its name."""
     for function, dispatcher in PARTS.items():
         if name.startswith(f"{function.__module__}.{function.__qualname__}_") and name_of_part(function) == name:
             return dispatcher()
@@ -98,6 +98,6 @@ def _part_of_name(name: str) -> Dispatcher | None:
 
 
 class _Files(CheckedCache):
-    """Checked files of the code of a function."""
+    """Files of a function, with checksums."""
 
     _impl_class = _Form

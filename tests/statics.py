@@ -16,8 +16,9 @@ from explicitfe.fem.mesh.hexmesh import HexMesh
 from explicitfe.fem.mesh.validity import certify
 from explicitfe.fem.model.model import Model, NodalLoad, PrescribedMotion
 from explicitfe.fem.model.profile import Profile
+from explicitfe.fem.solve.ledger import Ledger
 from explicitfe.fem.solve.simulation import Simulation
-from explicitfe.fem.solve.transient import Ledger, Transient
+from explicitfe.fem.solve.transient import Transient
 from explicitfe.platform.compiled.arrays import BARRIER, HOURGLASS, INTERNAL
 
 CLOSED = 1e-9  # an equilibrium: residual relative to the load

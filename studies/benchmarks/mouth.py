@@ -23,8 +23,9 @@ from explicitfe.fem.mesh.validity import certify
 from explicitfe.fem.model.fibre_stress import fibre_stress, outside_pull
 from explicitfe.fem.model.model import Model
 from explicitfe.fem.model.profile import Profile
+from explicitfe.fem.solve.ledger import Ledger
 from explicitfe.fem.solve.simulation import Simulation
-from explicitfe.fem.solve.transient import Ledger, Transient
+from explicitfe.fem.solve.transient import Transient
 from explicitfe.platform.errors import RunError
 from explicitfe.results.measure.airway import bounds_of_air
 from explicitfe.results.measure.contact import MIDLINE_BAND_M

@@ -15,8 +15,9 @@ from dataclasses import replace
 import numpy as np
 
 from explicitfe.fem.model.model import Model
+from explicitfe.fem.solve.ledger import Ledger, balance
 from explicitfe.fem.solve.simulation import Simulation
-from explicitfe.fem.solve.transient import Ledger, Transient, balance
+from explicitfe.fem.solve.transient import Transient
 from explicitfe.platform.compiled.arrays import BARRIER
 from explicitfe.simulate.anatomy.tongue import tongue_model
 

@@ -24,7 +24,7 @@ from explicitfe.app.tools.lists import LISTS
 from explicitfe.app.view.json_text import json_text
 from explicitfe.fem.materials.yeoh import Yeoh
 from explicitfe.fem.solve import point
-from explicitfe.fem.solve.transient import Ledger
+from explicitfe.fem.solve.ledger import Ledger
 from explicitfe.simulate.run import transient
 
 pytestmark = pytest.mark.slow

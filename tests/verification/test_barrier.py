@@ -18,8 +18,9 @@ from explicitfe.fem.mesh.quality import corner_jacobians
 from explicitfe.fem.mesh.validity import certify
 from explicitfe.fem.model.model import NodalLoad
 from explicitfe.fem.model.profile import Profile
+from explicitfe.fem.solve.ledger import Ledger
 from explicitfe.fem.solve.simulation import Simulation
-from explicitfe.fem.solve.transient import Ledger, Transient
+from explicitfe.fem.solve.transient import Transient
 from explicitfe.platform.compiled.arrays import BARRIER, CORNER, HOURGLASS, INTERNAL, NO_CORNER, STIFFEST
 
 pytestmark = pytest.mark.slow

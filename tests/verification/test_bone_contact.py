@@ -29,9 +29,10 @@ from explicitfe.fem.model.gravity import gravity_load
 from explicitfe.fem.model.model import Attachment, FibreStress, Model, PrescribedMotion
 from explicitfe.fem.model.profile import Profile
 from explicitfe.fem.solve.equilibrium import Relaxation
+from explicitfe.fem.solve.ledger import Ledger, balance
 from explicitfe.fem.solve.observe import Snapshot
 from explicitfe.fem.solve.simulation import Simulation
-from explicitfe.fem.solve.transient import Ledger, Transient, balance
+from explicitfe.fem.solve.transient import Transient
 from explicitfe.platform.compiled.arrays import BONE_AREA, BONE_DEPTH, EXTERNAL, IN_CONTACT, KINETIC, RUBBED
 from explicitfe.platform.errors import InputError
 from explicitfe.simulate.anatomy.tongue import assemble

@@ -14,8 +14,9 @@ from support import ELEMENTS, YEOH, balance, block_mesh, model_of, sampled_run
 
 from explicitfe.fem.mesh.hexmesh import HexMesh
 from explicitfe.fem.model.model import Model, PrescribedMotion
+from explicitfe.fem.solve.ledger import Ledger
 from explicitfe.fem.solve.simulation import Simulation
-from explicitfe.fem.solve.transient import Ledger, Transient
+from explicitfe.fem.solve.transient import Transient
 from explicitfe.platform.compiled.arrays import DAMPED, EXTERNAL, HOURGLASS, INTERNAL, KINETIC
 
 EDGE = 0.01  # m

@@ -22,8 +22,8 @@ from explicitfe.fem.elements import full, hex8
 from explicitfe.fem.mesh.hexmesh import HexMesh
 from explicitfe.fem.model.model import FibreStress, Model
 from explicitfe.fem.model.profile import Profile
+from explicitfe.fem.solve.ledger import balance
 from explicitfe.fem.solve.simulation import Simulation
-from explicitfe.fem.solve.transient import balance
 from explicitfe.platform.compiled.arrays import EXTERNAL, INTERNAL, LOST
 
 pytestmark = pytest.mark.slow

@@ -19,8 +19,9 @@ from explicitfe.fem.mesh.hexmesh import HexMesh
 from explicitfe.fem.mesh.surface_points import points_on_set, surface_areas
 from explicitfe.fem.model.model import Attachment, Model, NodalLoad
 from explicitfe.fem.model.profile import Profile
+from explicitfe.fem.solve.ledger import balance
 from explicitfe.fem.solve.simulation import Simulation
-from explicitfe.fem.solve.transient import Transient, balance
+from explicitfe.fem.solve.transient import Transient
 from explicitfe.platform.compiled.arrays import EXTERNAL, IN_TIES, INTERNAL, KINETIC
 from explicitfe.simulate.anatomy.tongue import assemble
 from explicitfe.simulate.scenario.transient import AnalysisTable, ModelTable, TransientScenario

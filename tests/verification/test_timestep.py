@@ -19,9 +19,10 @@ from explicitfe.fem.model.model import Model, NodalLoad
 from explicitfe.fem.model.profile import Profile
 from explicitfe.fem.solve import element_bound, look, transient
 from explicitfe.fem.solve.course import AUTOMATIC_STEP
+from explicitfe.fem.solve.ledger import Ledger
 from explicitfe.fem.solve.simulation import Simulation
 from explicitfe.fem.solve.stable_step import STEP_SHARE_OF_LIMIT
-from explicitfe.fem.solve.transient import INVERTED, TURNS_AT_THE_START, UNSTABLE, Ledger, Transient
+from explicitfe.fem.solve.transient import INVERTED, TURNS_AT_THE_START, UNSTABLE, Transient
 from explicitfe.platform.compiled.arrays import SMALLEST_CORNER, WAIT
 from explicitfe.platform.errors import InputError
 from explicitfe.simulate.run.prepare import prepare

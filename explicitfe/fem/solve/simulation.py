@@ -335,23 +335,17 @@ class Simulation(Body):
 
     # ---- restart ----
 
-    def restart_state(self, threads: int | None = None) -> dict[str, np.ndarray]:
-        """Copies of the complete state, in computing order.
-
-        ``threads``: number of threads for which sums are stored; that of this simulation if left out.
-        """
-        threads = threads or len(self.parts)
-        ledgers = _shared(self._ledgers, threads).copy()
-        ledgers[:, SMALLEST_J:] = self._ledgers[:, SMALLEST_J:] if threads == len(self.parts) else self.ledger[SMALLEST_J:]
+    def restart_state(self) -> dict[str, np.ndarray]:
+        """Copies of the complete state, in computing order."""
         return {
             "u": self.state.u.copy(),
             "v": self.state.v.copy(),
             "highest_mode": self._looks.vector.copy(),
             "allowed_bound": self._looks.bound[:, 2].copy(),
             "watch": self.lookers[0].watch.copy(),
-            "ledgers": ledgers,
+            "ledgers": self._ledgers.copy(),
             "memory": self.blocks.old.copy(),
-            "lengths": _shared(np.array([part.blocks.last_length for part in self.parts]), threads),
+            "lengths": np.array([part.blocks.last_length for part in self.parts]),
             "times": np.array([self.time_s, self.dt_s, self._origin_s]),
             "steps": np.array([self.steps, self._index], dtype=np.int64),
             "weights": self.loads.weights.state.copy(),
@@ -362,20 +356,20 @@ class Simulation(Body):
 
         With another number of threads the runs are identical up to rounding.
         """
+        state = for_threads(state, len(self.parts))
         self.state.u[:] = state["u"]
         self.state.v[:] = state["v"]
         self._looks.vector[:] = state["highest_mode"]
         self._looks.bound[:, 2] = state["allowed_bound"]
         self.watch(state["watch"])
-        self._ledgers[:] = _shared(state["ledgers"], len(self.parts))
-        self._ledgers[:, SMALLEST_J:] = state["ledgers"][:, SMALLEST_J:].min(axis=0)
+        self._ledgers[:] = state["ledgers"]
         self.blocks.old[:] = state["memory"]
         self.loads.weights.state[:] = state.get("weights", self.loads.weights.state)  # older files have none
         self.time_s, self.dt_s, self._origin_s = (float(x) for x in state["times"])
         self.steps, self._index = (int(x) for x in state["steps"])
         self._activate()
         self._evaluate([looker.blocks for looker in self.lookers])
-        for part, length in zip(self.parts, _shared(state["lengths"], len(self.parts)), strict=True):
+        for part, length in zip(self.parts, state["lengths"], strict=True):
             part.blocks.last_length[:] = length
 
     def watch(self, watch: np.ndarray) -> None:
@@ -440,10 +434,12 @@ class Simulation(Body):
         return int(together(tasks, gate)[0])
 
 
-def _shared(values: np.ndarray, parts: int) -> np.ndarray:
-    """What each part has added to a sum, (parts, ...), where as many parts have made it; or all of it in the first."""
-    if len(values) == parts:
-        return values
-    shared = np.zeros((parts, *values.shape[1:]))
-    shared[0] = values.sum(axis=0)
-    return shared
+def for_threads(state: dict[str, np.ndarray], threads: int) -> dict[str, np.ndarray]:
+    """A restart state with its sums as so many threads store them: unchanged, or all in those of the first."""
+    if len(state["ledgers"]) == threads:
+        return state
+    sums = {name: np.zeros((threads, *state[name].shape[1:])) for name in ("ledgers", "lengths")}
+    for name, values in sums.items():
+        values[0] = state[name].sum(axis=0)
+    sums["ledgers"][:, SMALLEST_J:] = state["ledgers"][:, SMALLEST_J:].min(axis=0)
+    return state | sums

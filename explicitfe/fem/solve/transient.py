@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -19,16 +19,12 @@ from explicitfe.fem.solve.look import (
     UNDAMPED_LONGEST_STEP_SHARE,
 )
 from explicitfe.fem.solve.observe import Recording, Snapshot
-from explicitfe.fem.solve.simulation import Simulation
+from explicitfe.fem.solve.simulation import Simulation, for_threads
 from explicitfe.fem.solve.stable_step import STEP_SHARE_OF_LIMIT
 from explicitfe.platform.compiled.arrays import (
     CORNER,
-    EXTERNAL,
     FALL,
-    HOURGLASS,
-    INTERNAL,
     INTERVAL,
-    KINETIC,
     LIMIT,
     LOWEST_LIMIT,
     PERIOD,
@@ -52,13 +48,13 @@ CALMING_ALPHA_PER_S = 20.0
 # Compiled code returns after about so long, for the progress and for whoever stops the run.
 SECONDS_BETWEEN_RETURNS = 0.2
 STEPS_BEFORE_TIMED = 16  # after which it is known how long a step takes
-ROUNDINGS_IN_ENERGY = 100.0
 AIMED_SHARE_OF_FALL = 0.5  # of the fall of a corner that is allowed in a step: what the step is shortened to
+# Of a body that nothing calms: how many steps may be taken back, by what a step is shortened in which an element inverted, and
+# the share of the first step below which that is an error.
+STEPS_BETWEEN_CHECKPOINTS = 50
+SHORTENED_AFTER_INVERSION = 0.5
+SHORTEST_SHARE_OF_FIRST_STEP = 1e-4
 ROOM_BYTES = 16e6  # of samples that are kept before they are handed on
-# Hourglass energy means something where the elastic energy is at least this share of its largest.
-ELASTIC_FLOOR_SHARE = 0.01
-# Elastic energy below this share of the largest external work and kinetic energy is rounding: a body in free fall has none.
-ROUNDING_SHARE = 1e-12
 
 
 @dataclass(frozen=True)
@@ -85,9 +81,14 @@ class Transient:
     A Lanczos iteration estimates the stable limit. The step is 0.9 of it and divides the time to the next load edge into equal
     parts. It stays constant as long as possible: central differences conserve the energy at a constant step, and each change
     moves some energy between the highest vibrations. A stability check shortens the step if it exceeds 0.91 of the limit, and
-    lengthens it if it has been below 0.82 of the smallest limit for 500 steps. For a body without damping the step is 0.6 of the
-    limit, and stays between 0.45 and 0.75. A sample is taken at the first instant at or after its time and does not change the
-    step.
+    lengthens it if it has been below 0.82 of the smallest limit for 500 steps. A sample is taken at the first instant at or after
+    its time and does not change the step.
+
+    For a body without damping the step is 0.6 of the limit, and stays between 0.45 and 0.75. If the barrier against inversion is
+    on, steps that turn out to be too long are taken back: the run continues from the last checkpoint with a shorter step. The
+    step would otherwise be shortened while a corner is in the stiff part of the barrier and lengthened after it has left, and the
+    energy that such a change adds then has a preferred sign. A checkpoint is stored at each sample, at each load edge and every
+    50 steps, so here the steps depend on the instants of the samples.
 
     Parameters
     ----------
@@ -145,7 +146,11 @@ class Transient:
             )
         self._dt = 0.0
         self._divide(step_s or self._share * limit_s)
+        self._first_dt = self._dt
         simulation.start(self._dt)
+        self._checkpoint: dict[str, np.ndarray] | None = None
+        if self._looking == UNDAMPED_STEP and simulation.model.barrier:
+            self._checkpoint = self._state()
 
     @property
     def limit_s(self) -> float:
@@ -254,52 +259,71 @@ class Transient:
         if stop_signal is not None:
             self.status = Status(INTERRUPTED, f"{stopping.described(stop_signal)} at {1e3 * simulation.time_s:.3f} ms")
             return
+        instants = np.zeros(0, dtype=np.int64) if instants is None else instants
+        to_checkpoint = int(min([steps, self._left, *instants[:1]]))
+        if self._checkpoint is not None:
+            since = simulation.steps - int(self._checkpoint["steps"][0])
+            steps = to_checkpoint = min(to_checkpoint, max(1, STEPS_BETWEEN_CHECKPOINTS - since))
         most = STEPS_BEFORE_TIMED
         if self._timed_steps >= STEPS_BEFORE_TIMED:
             most = max(most, int(SECONDS_BETWEEN_RETURNS * self._timed_steps / simulation.course_s))
         steps = min(int(steps), self._left, most)
+        samples = 0 if recording is None else recording.count
         done = simulation.go(
             steps,
             self._dt,
             end_s=float(self._marks[self._mark]) if steps == self._left else None,
             looking=self._looking,
             recording=recording,
-            instants=np.zeros(0, dtype=np.int64) if instants is None else instants[instants <= steps],
+            instants=instants[instants <= steps],
         )
         self._left -= done
         self._timed_steps += done
-        if not simulation.sound or not np.isfinite(self.limit_s):
-            self.status = self._inverted()
-        elif self._left == 0:
+        if self._step_was_too_long(done < steps):
+            if recording is not None and self._checkpoint is not None:
+                recording.count = samples
+            return
+        if recording is not None and recording.count - samples < np.searchsorted(instants, done, side="right"):
+            # it stopped at the instant of a sample, before that was taken
+            simulation.go(0, simulation.dt_s, recording=recording, instants=np.zeros(1, dtype=np.int64))
+        if self._left == 0:
             self._mark += 1  # a load changes here, and nothing is known of what follows
             self._watch[[WAIT, INTERVAL]] = FEWEST_STEPS_BETWEEN_SCANS
             if not self.finished:
                 self._divide(self.step_s or self._share * self.limit_s)
-        elif done < steps and self._looking == UNDAMPED_STEP and (fall := self._fall()) > UNDAMPED_FALL_SHARE:
-            self._divide(self._dt * AIMED_SHARE_OF_FALL * UNDAMPED_FALL_SHARE / fall)
         elif done < steps and self._watch[WAIT] > 0.0:  # otherwise the barrier against folding calls for a look first
-            self._change_step()
+            self._divide(self._share * self._watch[LOWEST_LIMIT])
+        if self._checkpoint is not None and done == to_checkpoint:
+            self._checkpoint = self._state()
+
+    def _step_was_too_long(self, early: bool) -> bool:
+        """Whether the last steps, which may have ended early, were too long; then shorten the step, or end the run."""
+        simulation = self.simulation
+        broken = not simulation.sound or not np.isfinite(self.limit_s)
+        if broken:
+            shorter_s = SHORTENED_AFTER_INVERSION * self._dt
+            if self._checkpoint is None or shorter_s < SHORTEST_SHARE_OF_FIRST_STEP * self._first_dt:
+                self.status = self._inverted()
+                return True
+        elif self._checkpoint is not None and (fall := self._fall()) > UNDAMPED_FALL_SHARE:
+            shorter_s = self._dt * AIMED_SHARE_OF_FALL * UNDAMPED_FALL_SHARE / fall
+        elif not (early and self._watch[WAIT] > 0.0 and self._dt > self._longest * self.limit_s):
+            return False
+        elif self.step_s is not None:
+            self.status = self._unstable(self.step_s)
+            return True
+        else:
+            shorter_s = self._shortened * self.limit_s
+        self.largest_fraction = max(self.largest_fraction, self._dt / self.limit_s)
+        if self._checkpoint is not None:
+            self._continue_from(self._checkpoint)
+        self._divide(shorter_s)
+        return True
 
     def _fall(self) -> float:
         """How far the corner nearest to folding fell in the last step, as a share of what is left of it."""
         corners = [part.blocks.corner for part in self.simulation.parts]
         return max(float(corner[FALL] / corner[CORNER]) for corner in corners)
-
-    def _change_step(self) -> None:
-        """Take another step, as the last look has called for it."""
-        self.largest_fraction = max(self.largest_fraction, self._dt / self.limit_s)
-        if self.step_s is not None:
-            self.status = Status(
-                UNSTABLE,
-                f"at {1e3 * self.simulation.time_s:.3f} ms the fixed step of {1e6 * self.step_s:g} microseconds has become "
-                f"unstable: the tissue has stiffened and the stable limit is now {1e6 * self.limit_s:.4g} microseconds; "
-                "remove analysis.step_us or reduce it.",
-            )
-            return
-        if self._dt > self._longest * self.limit_s:
-            self._divide(self._shortened * self.limit_s)
-        else:
-            self._divide(self._share * self._watch[LOWEST_LIMIT])
 
     def _divide(self, longest_s: float) -> None:
         """Equal steps, no longer than this, from here to the next mark."""
@@ -310,6 +334,14 @@ class Transient:
         self.largest_fraction = max(self.largest_fraction, self._dt / self.limit_s)
         self._watch[PERIOD], self._watch[LOWEST_LIMIT] = 0.0, self.limit_s
         self.simulation.watch(self._watch)
+
+    def _unstable(self, step_s: float) -> Status:
+        return Status(
+            UNSTABLE,
+            f"at {1e3 * self.simulation.time_s:.3f} ms the fixed step of {1e6 * step_s:g} microseconds has become "
+            f"unstable: the tissue has stiffened and the stable limit is now {1e6 * self.limit_s:.4g} microseconds; "
+            "remove analysis.step_us or reduce it.",
+        )
 
     def _inverted(self) -> Status:
         simulation = self.simulation
@@ -342,87 +374,30 @@ class Transient:
     # ---- restart ----
 
     def restart_state(self, threads: int | None = None) -> dict[str, np.ndarray]:
-        """Copies of the complete state, from which :meth:`restore` continues bitwise identically; see ``Simulation``."""
-        return {
-            "clock": np.array([self._dt, self.smallest_dt_s, self.largest_fraction]),
-            "counters": np.array([self._mark, self._left], dtype=np.int64),
-            **self.simulation.restart_state(threads),
-        }
+        """Copies of the complete state, from which :meth:`restore` continues bitwise identically; see ``Simulation``.
+
+        It is that of the last checkpoint where steps may be taken back, and otherwise the present one.
+
+        ``threads``: number of threads for which sums are stored; that of the simulation if left out.
+        """
+        state = self._state() if self._checkpoint is None else self._checkpoint
+        return for_threads(state, threads or len(self.simulation.parts))
 
     def restore(self, state: dict[str, np.ndarray]) -> None:
         """Continue from a restart state of the same model."""
         self._resumed = True
+        self._continue_from(state)
+        if self._checkpoint is not None:
+            self._checkpoint = self._state()
+
+    def _state(self) -> dict[str, np.ndarray]:
+        return {
+            "clock": np.array([self._dt, self.smallest_dt_s, self.largest_fraction]),
+            "counters": np.array([self._mark, self._left], dtype=np.int64),
+            **self.simulation.restart_state(),
+        }
+
+    def _continue_from(self, state: dict[str, np.ndarray]) -> None:
         self._dt, self.smallest_dt_s, self.largest_fraction = (float(x) for x in state["clock"])
         self._mark, self._left = (int(x) for x in state["counters"])
         self.simulation.restore(state)
-
-
-def balance(energies: np.ndarray) -> float:
-    """Stored energy plus losses minus external work [J]; constant in time without numerical error."""
-    return float(energies[:EXTERNAL].sum() + energies[EXTERNAL + 1 :].sum() - energies[EXTERNAL])
-
-
-def rounding_of(simulation: Simulation) -> float:
-    """Energy [J] below which the energy of a body is rounding error: rounding of volume ratios times its bulk modulus."""
-    stiffness = simulation.model.in_elements(lambda law: law.constants()[-1]).max()
-    return float(ROUNDINGS_IN_ENERGY * np.finfo(float).eps * stiffness * simulation.volumes.sum())
-
-
-@dataclass
-class Ledger:
-    """Energies at the samples of a run, and the errors that follow from them.
-
-    Attributes
-    ----------
-    energies : of each sample, (ENERGIES,) J.
-    balance_errors : at each sample, the largest error of the energy balance so far, relative to the largest of external work,
-        internal and kinetic energy.
-    rounding_J : energies below it are rounding, and no measure of an error.
-    """
-
-    energies: list[np.ndarray] = field(default_factory=list)
-    balance_errors: list[float] = field(default_factory=list)
-    rounding_J: float = 0.0
-    _scale: float = 0.0
-
-    @property
-    def balance_error(self) -> float:
-        """The largest so far."""
-        return self.balance_errors[-1] if self.balance_errors else 0.0
-
-    def add(self, snapshot: Snapshot) -> float:
-        """Note a sample; its balance error relative to the largest of external work, internal and kinetic energy so far."""
-        return self.add_until(snapshot.energies[None], np.inf)[1]
-
-    def add_until(self, energies: np.ndarray, limit: float) -> tuple[int, float]:
-        """Note samples, (k, ENERGIES), to the first whose balance error is not below ``limit``; how many, and the last error."""
-        error = 0.0
-        for count, e in enumerate(np.array(energies), 1):
-            self.energies.append(e)
-            self._scale = max(self._scale, abs(e[EXTERNAL]), e[INTERNAL] + e[HOURGLASS], e[KINETIC])
-            scale = max(self._scale, self.rounding_J)
-            error = abs(balance(e) - balance(self.energies[0])) / scale if scale > 0.0 else 0.0
-            self.balance_errors.append(max(self.balance_error, error) if np.isfinite(error) else np.inf)
-            if not error < limit:
-                return count, error
-        return len(energies), error
-
-    @property
-    def hourglass_share(self) -> float:
-        """Largest share of the hourglass energy in the elastic energy, at samples with enough elastic energy."""
-        energies = np.array(self.energies)
-        elastic = energies[:, INTERNAL] + energies[:, HOURGLASS]
-        elastic_enough = elastic > max(ELASTIC_FLOOR_SHARE * elastic.max(initial=0.0), self._rounding_J)
-        return float(np.max(energies[elastic_enough, HOURGLASS] / elastic[elastic_enough], initial=0.0))
-
-    @property
-    def hourglass_share_at_end(self) -> float:
-        """Share of the hourglass energy in the elastic energy at the last sample."""
-        e = self.energies[-1]
-        elastic = e[INTERNAL] + e[HOURGLASS]
-        return float(e[HOURGLASS] / elastic) if elastic > self._rounding_J else 0.0
-
-    @property
-    def _rounding_J(self) -> float:
-        energies = np.array(self.energies)
-        return ROUNDING_SHARE * np.abs(energies[:, [EXTERNAL, KINETIC]]).max(initial=0.0)

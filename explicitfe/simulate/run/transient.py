@@ -13,19 +13,10 @@ import numpy as np
 
 from explicitfe.fem.bones.surface import TriangleSurface
 from explicitfe.fem.mesh.self_contact import self_penetration
+from explicitfe.fem.solve.ledger import Ledger, rounding_of
 from explicitfe.fem.solve.observe import Recording, Snapshot
 from explicitfe.fem.solve.simulation import Simulation
-from explicitfe.fem.solve.transient import (
-    DIVERGED,
-    FINISHED,
-    INTERRUPTED,
-    TURNS_AT_THE_START,
-    Ledger,
-    Status,
-    Transient,
-    rounding_of,
-    step_share,
-)
+from explicitfe.fem.solve.transient import DIVERGED, FINISHED, INTERRUPTED, TURNS_AT_THE_START, Status, Transient, step_share
 from explicitfe.platform.compiled.arrays import (
     BARRIER,
     BONE_AREA,

@@ -1,21 +1,23 @@
-"""The same step, written in C++, in NVIDIA Warp (on the CPU) and in JAX, against ours, side by side in one run.
+"""The same step, written in C++, in NVIDIA Warp (on the CPU), in Taichi and in JAX, against ours, side by side in one run.
 
     python studies/benchmarks/peers.py [--sizes 1000 30000] [--without jax] [--json FILE] [--out DIR]
 
-What is not installed is left out, with a line that says so: a C++ compiler (CXX, clang++ or g++), Warp, JAX.
+What is not installed is left out, with a line that says so: a C++ compiler (CXX, clang++ or g++), Warp, Taichi, JAX.
 
 The problem is that of ``explicitfe bench``: a block of distorted 4 mm hexes, Yeoh tissue at Poisson's ratio 0.499, damping
 40 1/s, random velocities, float64; hex8 and hex8-stiffness. All programs read the same numbers of each element, in the same
 order. First the same answer: after 20 steps the displacements must agree to rounding. Then nanoseconds per element and step,
-best of five rounds; in each round the programs take turns (ours, C++, Warp, JAX, ours again), so a ratio is of one run. Ours and
-C++ also keep the energy ledger and the smallest J, which must agree too; the others do not. External forces there are none.
+best of five rounds; in each round the programs take turns (ours, C++, Warp, Taichi, JAX, ours again), so a ratio is of one run.
+Ours and C++ also keep the energy ledger and the smallest J, which must agree too; the others do not. External forces there are
+none.
 
 C++ (peer_cpp.cpp) is written by hand for these two elements, this law and one thread, with vectors as wide as ours: what the
 machine gives to who writes for it alone. It does not look for corners that may be folding, as ours does in hex8.
 
 One thread: the process is pinned to one core. Ours has one thread. Warp runs a kernel on the CPU as one loop over its threads.
-JAX gets pools of one thread. Times are of the CPU, not of the clock on the wall: equal on a quiet machine, and on
-a busy one what others take does not count (that they crowd the caches does). Two threads of ours go by the clock on the wall.
+Taichi gets one thread, and a kernel that is written out, operation by operation, from the leaves that JAX traces. JAX gets pools
+of one thread. Times are of the CPU, not of the clock on the wall: equal on a quiet machine, and on a busy one what others take
+does not count (that they crowd the caches does). Two threads of ours go by the clock on the wall.
 
 The bound is the larger of two times: the arrays that a step must move, each once, at the bandwidth of a triad whose arrays
 take as much room; and the operations that it must do (one each for + - * /, equal subexpressions once) at the peak of fused
@@ -28,6 +30,7 @@ import json
 import os
 import platform
 import sys
+import tempfile
 import time
 from collections.abc import Callable, Iterable, Sequence
 from datetime import date
@@ -54,8 +57,8 @@ from explicitfe.platform.compiled.jit import kernel
 from explicitfe.platform.compiled.simd import WIDTH, load, splat, store, sum_lanes
 
 YEOH = law_of("yeoh")
-PEERS = ("c++", "warp", "jax")
-PACKAGES = {"warp": "warp-lang", "jax": "jax"}
+PEERS = ("c++", "warp", "taichi", "jax")
+PACKAGES = {"warp": "warp-lang", "taichi": "taichi", "jax": "jax"}
 SAME_STEPS = 20
 SAME = 1e-10  # of the largest displacement, and of the ledger
 ROUNDS = 5
@@ -136,6 +139,25 @@ class Counted:
         return cls.known.setdefault(key, cls(sign, *made_of))
 
     @classmethod
+    def lines(cls, results: Sequence[Self], names: dict[Self, str]) -> list[str]:
+        """Statements of Python that compute the results, one an operation, and give each its name in ``names``."""
+        waiting, lines = list(reversed(results)), []
+        while waiting:
+            number = waiting[-1]
+            missing = [part for part in number.made_of if isinstance(part, Counted) and part not in names]
+            if missing:
+                waiting += missing
+                continue
+            waiting.pop()
+            if number in names:
+                continue
+            a, *b = (names[part] if isinstance(part, Counted) else repr(part) for part in number.made_of)
+            names[number] = f"t{len(names)}"
+            value = f"{a} {number.sign} {b[0]}" if b else f"{ {'sign': '-', 'guess': 'guess'}[number.sign] }({a})"
+            lines.append(f"{names[number]} = {value}")
+        return lines
+
+    @classmethod
     def flops(cls, results: Iterable[Self]) -> int:
         """Operations that the results need. A change of sign is free, as it becomes part of the next sum."""
         waiting, seen = list(results), {}
@@ -205,7 +227,7 @@ def working_set_bytes(simulation: Simulation) -> int:
     return sum(a.nbytes for a in (*read_arrays(simulation), *simulation.state))
 
 
-# ---- the three programs: each starts from the same State, after the half-step start ----
+# ---- the programs: each starts from the same State, after the half-step start ----
 
 
 class Ours:
@@ -294,6 +316,84 @@ class InJax:
 
     def displacement(self) -> np.ndarray:
         return np.asarray(self._state[0]).T
+
+
+TAICHI_SOURCE = """
+import taichi as ti
+
+@ti.func
+def guess(value):
+    high = ti.bit_cast(value, ti.i64) >> 32
+    return ti.bit_cast((ti.cast(0x553EF000, ti.i64) - high // 3) << 32, ti.f64)
+
+@ti.kernel
+def step(keep: ti.f64, gain: ti.f64, dt: ti.f64, inverse_mass: ti.types.ndarray(), u: ti.types.ndarray(), v: ti.types.ndarray(),
+         force: ti.types.ndarray(), nodes: ti.types.ndarray(), numbers: ti.types.ndarray()):
+    for n in range(u.shape[0]):
+        for k in range(3):
+            new = keep * v[n, k] + gain * inverse_mass[n] * force[n, k]
+            v[n, k] = new
+            u[n, k] += dt * new
+            force[n, k] = 0.0
+    for e in range(nodes.shape[0]):
+        {element}
+"""
+
+
+class InTaichi:
+    """One kernel a step: a loop over the nodes and one over the elements, whose operations are written out."""
+
+    def __init__(self, simulation: Simulation, dt_s: float) -> None:
+        import taichi as ti
+
+        ti.init(arch=ti.cpu, default_fp=ti.f64, cpu_max_num_threads=1, log_level=ti.ERROR)
+        tables = element_numbers(simulation)
+        treatment = ELEMENTS[simulation.model.element][1]
+        corners = [[Counted() for _ in range(8)] for _ in range(3)]
+        constants = [[Counted() for _ in range(table.shape[1])] for table in tables]
+        names = {corners[k][a]: f"u[nodes[e, {a}], {k}]" for k in range(3) for a in range(8)}
+        names |= {number: f"numbers[e, {k}]" for k, number in enumerate(number for some in constants for number in some)}
+        read = [f"x{k} = {text}" for k, text in enumerate(names.values())]
+        names = {number: f"x{k}" for k, number in enumerate(names)}
+        rows = element_forces(treatment, newton(lambda value: Counted.of("guess", value)))(corners, *constants)
+        computed = Counted.lines([value for row in rows for value in row], names)
+        added = [f"ti.atomic_add(force[nodes[e, {a}], {k}], {names[rows[k][a]]})" for k in range(3) for a in range(8)]
+        source = TAICHI_SOURCE.format(element="\n        ".join([*read, *computed, *added]))
+        with tempfile.TemporaryDirectory() as folder:  # Taichi reads the source of its kernels from a file
+            path = Path(folder) / "taichi_step.py"
+            path.write_text(source)
+            spec = importlib.util.spec_from_file_location("taichi_step", path)
+            module = importlib.util.module_from_spec(spec)
+            spec.loader.exec_module(module)
+            self._start = [np.ascontiguousarray(rows[:, :3]) for rows in simulation.state]
+            self._state = [ti.ndarray(ti.f64, rows.shape) for rows in self._start]
+            given = [np.ascontiguousarray(simulation.nodes.inverse_mass[:, 0])]
+            after = [simulation.hexes.astype(np.int32), np.concatenate(tables, axis=1)]
+            before, others = ([self._array(ti, values) for values in some] for some in (given, after))
+            factors = coefficients(simulation, dt_s)
+            self._step = lambda: module.step(*factors, *before, *self._state, *others)
+            self._wait = ti.sync
+            self.reset()
+            self._step()
+        self.reset()
+
+    @staticmethod
+    def _array(ti: ModuleType, values: np.ndarray) -> Any:
+        array = ti.ndarray(ti.i32 if values.dtype == np.int32 else ti.f64, values.shape)
+        array.from_numpy(values)
+        return array
+
+    def reset(self) -> None:
+        for rows, start in zip(self._state, self._start, strict=True):
+            rows.from_numpy(start)
+
+    def run(self, steps: int) -> None:
+        for _ in range(steps):
+            self._step()
+        self._wait()
+
+    def displacement(self) -> np.ndarray:
+        return self._state[0].to_numpy()
 
 
 class InWarp:
@@ -503,7 +603,7 @@ def warp_kernels(wp: ModuleType, element: str) -> tuple[Any, Any]:
     return update_nodes, add_forces
 
 
-PROGRAMS: dict[str, Callable] = {"explicitfe": Ours, "c++": peer_cpp.InCpp, "warp": InWarp, "jax": InJax}
+PROGRAMS: dict[str, Callable] = {"explicitfe": Ours, "c++": peer_cpp.InCpp, "warp": InWarp, "taichi": InTaichi, "jax": InJax}
 
 
 # ---- what the machine can do ----
@@ -726,7 +826,7 @@ def draw(figures: dict[str, Any], path: Path) -> None:
     import matplotlib.pyplot as plt
 
     names = ["explicitfe", *figures["peers"]]
-    colours = {"explicitfe": "#1b6ca8", "c++": "#8a5aa8", "warp": "#7aa95c", "jax": "#d98032"}
+    colours = {"explicitfe": "#1b6ca8", "c++": "#8a5aa8", "warp": "#7aa95c", "taichi": "#c94f4f", "jax": "#d98032"}
     fig, panels = plt.subplots(1, len(TREATMENTS), figsize=(11, 4.6), sharey=True, layout="constrained")
     width = 0.8 / len(names)
     top = max(value for row in figures["rows"] for value in row["ns"].values())

@@ -14,7 +14,7 @@ from support import ELEMENTS, block_mesh, model_of, random_gradient, random_rota
 
 from explicitfe.fem.mesh.hexmesh import CORNERS, HexMesh
 from explicitfe.fem.solve.simulation import Simulation
-from explicitfe.fem.solve.transient import INVERTED, Transient
+from explicitfe.fem.solve.transient import INVERTED, SHORTEST_SHARE_OF_FIRST_STEP, Transient
 from explicitfe.platform.compiled.arrays import SMALLEST_J, Blocks
 from explicitfe.platform.compiled.simd import WIDTH
 
@@ -131,13 +131,28 @@ def test_a_run_that_turns_an_element_inside_out_names_it(element):
     mesh = block_mesh((3, 3, 3), EDGE, distort=0.0)
     velocity = np.zeros_like(mesh.points)
     velocity[0] = 100.0  # m/s along the diagonal: 2 edges in 0.3 ms
-    simulation = Simulation(model_of(mesh, element=element), velocity=velocity)
+    simulation = Simulation(model_of(mesh, element=element, barrier=False), velocity=velocity)
     status = Transient(simulation, 0.1).advance_to(0.1)
     assert status is not None
     assert status.state == INVERTED
     named = int(status.message.split("element ")[1].split()[0])
     assert 0 in mesh.hexes[named], status.message
     assert not float(status.message.split("J = ")[1].split(")")[0]) > 0.0, status.message
+
+
+def test_a_corner_that_no_step_can_stop_names_its_element():
+    """The same with the barrier: shorter steps are tried, down to a ten thousandth of the first."""
+    mesh = block_mesh((3, 3, 3), EDGE, distort=0.0)
+    velocity = np.zeros_like(mesh.points)
+    velocity[0] = 100.0
+    transient = Transient(Simulation(model_of(mesh), velocity=velocity), 0.1)
+    first_s = transient.smallest_dt_s
+    status = transient.advance_to(0.1)
+    assert status is not None
+    assert status.state == INVERTED
+    assert "inverted at a corner" in status.message
+    assert 0 in mesh.hexes[int(status.message.split("element ")[1].split()[0])], status.message
+    assert 0.5 <= transient.smallest_dt_s / (SHORTEST_SHARE_OF_FIRST_STEP * first_s) < 2.0
 
 
 def test_a_gauss_point_that_turns_inside_out_names_its_element():

@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from typing import NamedTuple
+from functools import partial
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -40,6 +41,7 @@ from explicitfe.platform.compiled.arrays import (
     SUMS,
     WORK,
     Goal,
+    Part,
     Springs,
     Surface,
     zeros,
@@ -260,10 +262,17 @@ class Relaxation(LoadedBody):
         """
         begin = time.perf_counter()
         progress(0.0)
-        self.kernels.forces(self.state.u, np.zeros_like(self.state.u), self.blocks)
-        progress(0.4)
-        self._relax(0)
+        part, u = self.parts[0], self.state.u
+        force = np.zeros_like(u)
+        fields = (self._element_J, self._element_energy, self._element_hourglass, np.zeros(4))
+        self.kernels.prepare({
+            "internal_force": (part.u, part.force, part.blocks),
+            "relax_at": (0, *self._arguments(part, 0)),
+            "internal_energy": (u, self.blocks, *fields),
+        })  # fmt: skip
         progress(0.8)
+        self.kernels.forces(u, force, self.blocks)
+        self._relax(0)
         self.contact.touch(self.state.u)
         self.contact.force(self.state.u)
         self._energies()
@@ -390,15 +399,18 @@ class Relaxation(LoadedBody):
         self._monitor[[POWER, MOMENT, STIFFNESS]] = 0.0
 
     def _relax(self, iterations: int) -> int:
-        least = (LEAST_SHARE_OF_LARGEST_LOAD * self._largest_load, LEAST_SHARE_OF_LARGEST_LOAD * self._largest_work)
-        surface = Surface(self._tie.turned, self.springs, self.contact.points, self.contact.tool)
-        others = (self.nodes, surface, Goal(float(self.tolerance), *least), self._sums, int(iterations), self._monitor)
         gate = self.parts[0].gate
         gate[:] = 0
-        tasks = [
-            lambda part=part: self.kernels.relax(self.state, self._external, self._inner, part, *others) for part in self.parts
-        ]
+        tasks = [partial(self.kernels.relax, *self._arguments(part, iterations)) for part in self.parts]
         return together(tasks, gate)[0]
+
+    def _arguments(self, part: Part, iterations: int) -> tuple[Any, ...]:
+        """Those of ``relax_step.relax`` after the address of the internal force."""
+        least = (LEAST_SHARE_OF_LARGEST_LOAD * self._largest_load, LEAST_SHARE_OF_LARGEST_LOAD * self._largest_work)
+        surface = Surface(self._tie.turned, self.springs, self.contact.points, self.contact.tool)
+        goal = Goal(float(self.tolerance), *least)
+        arrays = (self.state, self._external, self._inner, part, self.nodes, surface, goal)
+        return (*arrays, self._sums, int(iterations), self._monitor)
 
     def _commit(self, coordinate: float) -> None:
         """What the history keeps of an equilibrium: the state, and where friction has slipped to."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cache, partial
 from types import ModuleType
@@ -70,6 +70,15 @@ class Kernels:
         """Relax towards equilibrium, as ``relax_step.relax``."""
         at = self._address("internal_force", part.u, part.force, part.blocks)
         return self.relax_at(at, state, external, inner, part, *others)
+
+    def prepare(self, calls: Mapping[str, tuple[Any, ...]]) -> None:
+        """Compile or load several kernels at the same time, given by the name of the attribute and arguments of a call.
+
+        Only the types of the arguments matter.
+        """
+        compile_pieces(
+            [(getattr(self, name), tuple(typeof(argument) for argument in arguments)) for name, arguments in calls.items()]
+        )
 
     @property
     def is_ready(self) -> bool:

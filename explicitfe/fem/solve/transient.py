@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from explicitfe.fem.elements.barrier import MODULUS
 from explicitfe.fem.inputs.argument import finite_number, number_like
 from explicitfe.fem.inputs.limits import Positive
 from explicitfe.fem.model.model import Model
@@ -48,11 +49,10 @@ CALMING_ALPHA_PER_S = 20.0
 # Compiled code returns after about so long, for the progress and for whoever stops the run.
 SECONDS_BETWEEN_RETURNS = 0.2
 STEPS_BEFORE_TIMED = 16  # after which it is known how long a step takes
-AIMED_SHARE_OF_FALL = 0.5  # of the fall of a corner that is allowed in a step: what the step is shortened to
-# Of a body that nothing calms: how many steps may be taken back, by what a step is shortened in which an element inverted, and
-# the share of the first step below which that is an error.
+# Of a body that nothing calms: how many steps may be taken back, by what a step is shortened in which a corner fell too far or an
+# element inverted, and the share of the first step below which it is not shortened for that.
 STEPS_BETWEEN_CHECKPOINTS = 50
-SHORTENED_AFTER_INVERSION = 0.5
+SHORTENED_AFTER_FOLDING = 0.5
 SHORTEST_SHARE_OF_FIRST_STEP = 1e-4
 ROOM_BYTES = 16e6  # of samples that are kept before they are handed on
 
@@ -149,7 +149,7 @@ class Transient:
         self._first_dt = self._dt
         simulation.start(self._dt)
         self._checkpoint: dict[str, np.ndarray] | None = None
-        if self._looking == UNDAMPED_STEP and simulation.model.barrier:
+        if self._looking == UNDAMPED_STEP and simulation.blocks.barrier[:, MODULUS : MODULUS + 1].any():
             self._checkpoint = self._state()
 
     @property
@@ -299,20 +299,18 @@ class Transient:
     def _step_was_too_long(self, early: bool) -> bool:
         """Whether the last steps, which may have ended early, were too long; then shorten the step, or end the run."""
         simulation = self.simulation
-        broken = not simulation.sound or not np.isfinite(self.limit_s)
-        if broken:
-            shorter_s = SHORTENED_AFTER_INVERSION * self._dt
-            if self._checkpoint is None or shorter_s < SHORTEST_SHARE_OF_FIRST_STEP * self._first_dt:
+        shorter_s = SHORTENED_AFTER_FOLDING * self._dt
+        retries = self._checkpoint is not None and shorter_s >= SHORTEST_SHARE_OF_FIRST_STEP * self._first_dt
+        if not simulation.sound or not np.isfinite(self.limit_s):
+            if not retries:
                 self.status = self._inverted()
                 return True
-        elif self._checkpoint is not None and (fall := self._fall()) > UNDAMPED_FALL_SHARE:
-            shorter_s = self._dt * AIMED_SHARE_OF_FALL * UNDAMPED_FALL_SHARE / fall
-        elif not (early and self._watch[WAIT] > 0.0 and self._dt > self._longest * self.limit_s):
-            return False
-        elif self.step_s is not None:
-            self.status = self._unstable(self.step_s)
-            return True
-        else:
+        elif not (retries and self._fall() > UNDAMPED_FALL_SHARE):
+            if not (early and self._watch[WAIT] > 0.0 and self._dt > self._longest * self.limit_s):
+                return False
+            if self.step_s is not None:
+                self.status = self._unstable(self.step_s)
+                return True
             shorter_s = self._shortened * self.limit_s
         self.largest_fraction = max(self.largest_fraction, self._dt / self.limit_s)
         if self._checkpoint is not None:

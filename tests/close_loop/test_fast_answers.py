@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from short_beam import short_beam
 
 from explicitfe.fem.effects.effect import Sought
 from explicitfe.inverse.close_loop.baseline import fitted_baseline
@@ -85,9 +86,9 @@ def test_a_response_that_is_not_proportional_has_all_its_strengths_tried():
     assert every.trials == ((1.0,), (2.0,), (8.0,))
 
 
-def test_a_fit_is_right_if_fast_answers_are_wrong_by_a_factor():
+def test_a_fit_is_right_if_fast_answers_are_wrong_by_a_factor(tmp_path: Path):
     """Responses of a third of their size mislead fast answers; the simulator's derivatives of the features mend that."""
-    dataset = read_dataset(Path(__file__).resolve().parents[2] / "scenarios" / "datasets" / "simulated-beam")
+    dataset = read_dataset(short_beam(tmp_path / "beam"))
     assert isinstance(dataset, TrajectoryDataset)
     system = trajectory_system(dataset, [curve for curve in dataset.curves if curve.split != "holdout"], only=["load-mass"])
     system, covariance, baseline = fitted_baseline(system, system.rows, lambda stage, share: None)

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from short_beam import BEAM, short_beam
 
 from explicitfe.fem.mesh.box import box
 from explicitfe.fem.mesh.muscle_lines import locate_in_mesh
@@ -26,7 +27,6 @@ from explicitfe.platform.errors import InputError
 from studies.moving.make import draw, write_case
 
 ROOT = Path(__file__).resolve().parents[2]
-BEAM = ROOT / "scenarios" / "datasets" / "simulated-beam"
 START_S = 0.06  # of the release, up to 2 ms earlier or later (ATTRIBUTION.md)
 
 
@@ -227,9 +227,11 @@ def start_of(candidate: Candidate) -> float:
     return candidate.term.parameters[0].sought.none
 
 
-def test_a_load_that_is_a_mass_is_found() -> None:
+def test_a_load_that_is_a_mass_is_found(tmp_path: Path) -> None:
     """The dataset is made by a beam, from which a solid differs by up to 2 % of the 11 mm; its truth is a share of 1, fixed."""
-    documents = find_causes(BEAM, effects=["load-mass", "damping", "release"], max_effects=1, processes=1)
+    documents = find_causes(
+        short_beam(tmp_path / "beam"), effects=["load-mass", "damping", "release"], max_effects=1, processes=1
+    )
     report = documents.report
     assert report.verdict == "effect-found"
     assert [name for name, one in report.causes.items() if one.decision == "present"] == ["load-mass"]

@@ -74,9 +74,9 @@ def test_an_inversion_is_taken_back():
     class Counted(Transient):
         inversions = 0
 
-        def _step_was_too_long(self, early: bool) -> bool:
+        def _step_was_too_long(self, fell: bool, called: bool) -> bool:
             self.inversions += not self.simulation.sound
-            return super()._step_was_too_long(early)
+            return super()._step_was_too_long(fell, called)
 
     simulation = Simulation(model_of(mesh), velocity=velocity, threads=1)
     transient, ledger = Counted(simulation, 0.01), Ledger()

@@ -43,6 +43,8 @@ class Differentiated(Simulation):
     InputError : something in the model has no derivative here, or a direction changes such a thing.
     """
 
+    can_be_restored = False  # tangents are no part of a restart state
+
     def __init__(self, model: Model, directions: Sequence[Direction]) -> None:
         if not directions:
             raise InputError("gradient: name at least one key in `by`, such as muscle.GGp.force_N.")

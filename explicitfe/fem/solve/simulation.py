@@ -73,6 +73,8 @@ class Simulation(Body):
     InputError : a parameter of another type, shape or range, or an inverted element at rest.
     """
 
+    can_be_restored = True  # whether ``restart_state`` has all that changes in a run
+
     def __init__(
         self,
         model: Model,

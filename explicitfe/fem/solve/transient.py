@@ -149,7 +149,8 @@ class Transient:
         self._first_dt = self._dt
         simulation.start(self._dt)
         self._checkpoint: dict[str, np.ndarray] | None = None
-        if self._looking == UNDAMPED_STEP and simulation.blocks.barrier[:, MODULUS : MODULUS + 1].any():
+        has_barrier = simulation.blocks.barrier[:, MODULUS : MODULUS + 1].any()
+        if self._looking == UNDAMPED_STEP and has_barrier and simulation.can_be_restored:
             self._checkpoint = self._state()
 
     @property
@@ -279,7 +280,9 @@ class Transient:
         )
         self._left -= done
         self._timed_steps += done
-        if self._step_was_too_long(done < steps):
+        fell = done > 0 and self._looking == UNDAMPED_STEP and self._fall() > UNDAMPED_FALL_SHARE
+        called = done < steps and not fell and self._watch[WAIT] > 0.0  # for another step, by a stability check
+        if self._step_was_too_long(fell, called):
             if recording is not None and self._checkpoint is not None:
                 recording.count = samples
             return
@@ -291,27 +294,35 @@ class Transient:
             self._watch[[WAIT, INTERVAL]] = FEWEST_STEPS_BETWEEN_SCANS
             if not self.finished:
                 self._divide(self.step_s or self._share * self.limit_s)
-        elif done < steps and self._watch[WAIT] > 0.0:  # otherwise the barrier against folding calls for a look first
+        elif called:
             self._divide(self._share * self._watch[LOWEST_LIMIT])
         if self._checkpoint is not None and done == to_checkpoint:
             self._checkpoint = self._state()
 
-    def _step_was_too_long(self, early: bool) -> bool:
-        """Whether the last steps, which may have ended early, were too long; then shorten the step, or end the run."""
-        simulation = self.simulation
-        shorter_s = SHORTENED_AFTER_FOLDING * self._dt
-        retries = self._checkpoint is not None and shorter_s >= SHORTEST_SHARE_OF_FIRST_STEP * self._first_dt
-        if not simulation.sound or not np.isfinite(self.limit_s):
-            if not retries:
+    def _step_was_too_long(self, fell: bool, called: bool) -> bool:
+        """Whether the last steps were too long; then shorten the step, or end the run.
+
+        Parameters
+        ----------
+        fell : whether a corner fell too far in the last step.
+        called : whether a stability check has called for another step.
+        """
+        broken = not self.simulation.sound or not np.isfinite(self.limit_s)
+        if broken or fell:
+            shorter_s = SHORTENED_AFTER_FOLDING * self._dt
+            shortest_s = SHORTEST_SHARE_OF_FIRST_STEP * self._first_dt
+            if broken and (self._checkpoint is None or shorter_s < shortest_s):
                 self.status = self._inverted()
                 return True
-        elif not (retries and self._fall() > UNDAMPED_FALL_SHARE):
-            if not (early and self._watch[WAIT] > 0.0 and self._dt > self._longest * self.limit_s):
+            if shorter_s < shortest_s:
                 return False
+        elif called and self._dt > self._longest * self.limit_s:
             if self.step_s is not None:
                 self.status = self._unstable(self.step_s)
                 return True
             shorter_s = self._shortened * self.limit_s
+        else:
+            return False
         self.largest_fraction = max(self.largest_fraction, self._dt / self.limit_s)
         if self._checkpoint is not None:
             self._continue_from(self._checkpoint)
@@ -321,7 +332,7 @@ class Transient:
     def _fall(self) -> float:
         """How far the corner nearest to folding fell in the last step, as a share of what is left of it."""
         corners = [part.blocks.corner for part in self.simulation.parts]
-        return max(float(corner[FALL] / corner[CORNER]) for corner in corners)
+        return max(float(corner[FALL] / max(corner[CORNER], 1e-300)) for corner in corners)
 
     def _divide(self, longest_s: float) -> None:
         """Equal steps, no longer than this, from here to the next mark."""

@@ -109,6 +109,22 @@ def test_steps_that_are_taken_back_do_not_depend_on_batches_nor_on_an_interrupti
         np.testing.assert_array_equal(parts[name], values, err_msg=name)
 
 
+@pytest.mark.parametrize("sampled", [False, True])
+def test_no_step_is_taken_back_over_a_change_by_the_caller(sampled: bool):
+    """A corner of a block at rest is thrown inwards between two calls, so fast that the first steps have to be taken back."""
+    mesh = block_mesh((2, 2, 2))
+    simulation = Simulation(model_of(mesh), threads=1)
+    transient = Transient(simulation, 0.01)
+    samples = transient.samples(1e-3)
+    for _ in range(2):
+        _ = next(samples) if sampled else transient.advance_to(simulation.time_s + 1e-3)
+    before_s = transient.smallest_dt_s
+    simulation.state.v[simulation._place[np.argmax(mesh.points.sum(axis=1))], :3] = -20.0
+    _ = next(samples) if sampled else transient.advance_to(simulation.time_s + 1e-3)
+    assert transient.smallest_dt_s < 0.5 * before_s
+    assert np.abs(simulation.displacement).max() > 1e-3
+
+
 def test_what_calms_a_body():
     """A little damping by mass does not: with 5 1/s a driven tongue folded at 70 ms."""
     model = tongue_model({}, resolution="coarse", alpha_per_s=0.0)

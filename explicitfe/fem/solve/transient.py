@@ -176,6 +176,7 @@ class Transient:
         """
         time_s = finite_number("advance_to: time_s", time_s)
         target = min(time_s, self.duration_s)
+        self._renew_checkpoint()  # the caller may have changed the state
         while self.status is None and self.simulation.time_s < target - 1e-6 * self._dt:
             self._go(self._steps_to(np.array([target]))[0])
         return self.status
@@ -242,7 +243,9 @@ class Transient:
 
     def _samples(self, every_s: float) -> Iterator[Snapshot]:
         for recording in self._recordings(every_s, room=1):
-            yield from (recording[number] for number in range(recording.count))
+            for number in range(recording.count):
+                yield recording[number]
+                self._renew_checkpoint()  # the caller may have changed the state
         stopping.check()
         if self.status is not None:
             raise RunError(self.status.message)
@@ -296,8 +299,8 @@ class Transient:
                 self._divide(self.step_s or self._share * self.limit_s)
         elif called:
             self._divide(self._share * self._watch[LOWEST_LIMIT])
-        if self._checkpoint is not None and done == to_checkpoint:
-            self._checkpoint = self._state()
+        if done == to_checkpoint:
+            self._renew_checkpoint()
 
     def _step_was_too_long(self, fell: bool, called: bool) -> bool:
         """Whether the last steps were too long; then shorten the step, or end the run.
@@ -396,6 +399,10 @@ class Transient:
         """Continue from a restart state of the same model."""
         self._resumed = True
         self._continue_from(state)
+        self._renew_checkpoint()
+
+    def _renew_checkpoint(self) -> None:
+        """Take no step back beyond the present state; does nothing where none is taken back."""
         if self._checkpoint is not None:
             self._checkpoint = self._state()
 

@@ -144,6 +144,20 @@ def test_a_weight_falls_until_its_string_is_taut() -> None:
             assert abs(momentum - mass * 9.81 * sample.time_s) < 5e-3 * momentum
 
 
+@pytest.mark.parametrize("threads", [1, 2])
+def test_a_weight_moves_once_in_the_step_that_ends_a_run(threads: int) -> None:
+    """It falls freely, v = g t, while an element inverts: the thread that moves it learns of that in the next step."""
+    mesh = box((4, 4, 4), (0.04, 0.04, 0.04))
+    velocity = np.zeros_like(mesh.points)
+    velocity[0] = 1000.0
+    weight = HangingWeight("w", np.array([mesh.node_count - 1]), np.ones(1), 1e-3, DOWN, 1.0)
+    model = Model(mesh, STIFF, np.zeros((mesh.node_count, 3), dtype=bool), barrier=False, weights=(weight,))
+    simulation = Simulation(model, velocity=velocity, threads=threads)
+    assert Transient(simulation, 0.1).advance_to(0.1) is not None and len(simulation.parts) == threads
+    expected = np.linalg.norm(DOWN) * (simulation.time_s - 0.5 * simulation.dt_s)
+    assert simulation.loads.weights.state[0, 1] == pytest.approx(expected, rel=1e-12)
+
+
 def test_a_weight_on_a_string_is_its_weight_at_rest() -> None:
     ends = []
     for extra in ({"weights": (HangingWeight("w", TIP, SHARE, 2e-4, DOWN),)}, {"loads": (tip_load(-2e-4 * 9.81),)}):

@@ -11,6 +11,7 @@ from support import ROOT, block_mesh, model_of
 from undamped import shaken
 
 from explicitfe.fem.solve.ledger import Ledger, rounding_of
+from explicitfe.fem.solve.look import UNDAMPED_FALL_SHARE
 from explicitfe.fem.solve.simulation import Simulation
 from explicitfe.fem.solve.transient import CALMING_ALPHA_PER_S, UNDAMPED_STEP_SHARE, Transient, step_share, undamped
 from explicitfe.platform.errors import silent
@@ -107,6 +108,26 @@ def test_steps_that_are_taken_back_do_not_depend_on_batches_nor_on_an_interrupti
     parts = ended(0.06, room)
     for name, values in whole.items():
         np.testing.assert_array_equal(parts[name], values, err_msg=name)
+
+
+def test_a_corner_falls_too_far_in_the_last_step_of_a_run_that_takes_none_back():
+    """Runs of 1 to 12 steps in which a corner is thrown inwards: each has its last sample, and no step of length zero."""
+
+    class Unrestored(Simulation):
+        can_be_restored = False
+
+    mesh = block_mesh((2, 2, 2))
+    velocity = np.zeros_like(mesh.points)
+    velocity[np.argmax(mesh.points.sum(axis=1))] = -6.0
+    step_s = Transient(Simulation(model_of(mesh), velocity=velocity, threads=1), 1.0).smallest_dt_s
+    fell = []
+    for steps in range(1, 13):
+        transient = Transient(Unrestored(model_of(mesh), velocity=velocity, threads=1), steps * step_s)
+        times_s = [time for batch in transient.recordings(1.0) for time in batch.time_s[: batch.count]]
+        assert transient.finished and times_s == [0.0, transient.duration_s]
+        assert transient.smallest_dt_s > 0.0
+        fell.append(transient._fall() > UNDAMPED_FALL_SHARE)
+    assert any(fell)
 
 
 @pytest.mark.parametrize("sampled", [False, True])

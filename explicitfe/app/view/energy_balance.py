@@ -27,7 +27,7 @@ class BalanceTerm:
     is_loss: bool = False
 
 
-# The solver balances exactly these terms against the external work, see explicitfe.fem.solve.transient.balance.
+# The solver balances exactly these terms against the external work, see explicitfe.fem.solve.ledger.balance.
 BALANCE_TERMS = (
     BalanceTerm("internal_energy", "strain energy", 0),
     BalanceTerm("barrier_energy", "barrier against inversion", 5),

@@ -26,10 +26,11 @@ def pull_of(u, v, weights, number):
 
 
 @leaf
-def add_weights(force, u, v, weights):
-    """Add the pull of the strings at displacement u and velocity v to the node rows."""
+def add_weights(force, u, v, weights, activation, instant):
+    """Add the pull of the strings at displacement u and velocity v to the node rows, and note what pushes each weight."""
     for number in range(len(weights.mass)):
         pull = pull_of(u, v, weights, number)
+        weights.push[number] = weights.weight[number] * activation[weights.profile[number], instant] - pull
         for entry in range(weights.start[number], weights.start[number + 1]):
             node, share = weights.node[entry], weights.share[entry] * pull
             for k in range(3):
@@ -37,10 +38,8 @@ def add_weights(force, u, v, weights):
 
 
 @leaf
-def move_weights(u, v, weights, activation, instant, h, dt):
-    """Advance the weights from an instant to the next; h is the mean of the steps before and after it [s]."""
+def move_weights(weights, h, dt):
+    """Advance the weights to the next instant by what pushes them; h is the mean of the steps before and after this one [s]."""
     for number in range(len(weights.mass)):
-        weight = weights.weight[number] * activation[weights.profile[number], instant]
-        push = weight - pull_of(u, v, weights, number)
-        weights.state[number, 1] += h * push / weights.mass[number]
+        weights.state[number, 1] += h * weights.push[number] / weights.mass[number]
         weights.state[number, 0] += dt * weights.state[number, 1]

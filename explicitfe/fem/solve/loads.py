@@ -183,6 +183,7 @@ class Loads:
             damping=np.sqrt(stiffness * held_mass),
             profile=np.array([self._row_of(one.profile) for one in weights], dtype=np.int64),
             state=np.zeros((len(weights), 2)),
+            push=np.zeros(len(weights)),
         )
 
     def _drag(self, model: Model) -> Drag:

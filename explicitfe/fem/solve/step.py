@@ -85,8 +85,7 @@ def advance(state, part, shared, actions, dt_before, dt, stiffest, most_fall, fi
             add_follower_fibres(external, u, actions.fibres, actions.activation, step)
             add_turning_loads(external, u, actions.turning, actions.activation, step)
             add_drag(external, v, actions.drag)
-            add_weights(external, u, v, actions.weights)
-            move_weights(u, v, actions.weights, actions.activation, step, h, dt)
+            add_weights(external, u, v, actions.weights, actions.activation, step)
             add_ties(external, u, actions.ties, actions.tie_placement, step)
             add_surfaces(external, u, v, actions.surfaces, nodes, gain)
             driven_work, driven_loss = drive(u, v, force, nodes, motion, actions.planned, step, h, alpha, dt_before, dt)
@@ -94,6 +93,8 @@ def advance(state, part, shared, actions, dt_before, dt, stiffest, most_fall, fi
         if part.parts > 1 and asked_to_stop(part.gate):
             done = step
             break
+        if part.number == 0:  # a step that is not taken must not move them
+            move_weights(actions.weights, h, dt)
         for here in range(0, part.lower.size, WIDTH):
             store(force, here, load(force, here) + load(part.lower, here))
         recurrence = Recurrence(keep, gain, 0.5 * dt, 0.5 * dt_before)
@@ -184,7 +185,7 @@ def snapshot(state, shared, actions, instant, dt, ledger, rows, record, lanes, e
     add_follower_fibres(external, u, actions.fibres, actions.activation, instant)
     add_turning_loads(external, u, actions.turning, actions.activation, instant)
     add_drag(external, v, actions.drag)
-    add_weights(external, u, v, actions.weights)
+    add_weights(external, u, v, actions.weights, actions.activation, instant)
     tied = add_ties(external, u, actions.ties, actions.tie_placement, instant)
     pressed = add_surfaces(external, u, v, actions.surfaces, nodes, gain)
     rubbed = surfaces_loss(actions.surfaces, v, 0.5 * dt, 0.0)

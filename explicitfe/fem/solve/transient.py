@@ -201,6 +201,7 @@ class Transient:
 
     def _recordings(self, every_s: float, room: int | None) -> Iterator[Recording]:
         simulation = self.simulation
+        self._renew_checkpoint()  # the caller may have changed the state
         one = simulation.recording(1).arrays
         bytes_each = sum(array.nbytes for array in (one.displacement, one.velocity, one.J, one.hourglass, one.pressure))
         recording = simulation.recording(room or max(1, int(ROOM_BYTES / bytes_each)))
@@ -285,13 +286,15 @@ class Transient:
         self._timed_steps += done
         fell = done > 0 and self._looking == UNDAMPED_STEP and self._fall() > UNDAMPED_FALL_SHARE
         called = done < steps and not fell and self._watch[WAIT] > 0.0  # for another step, by a stability check
+        if self._checkpoint is None:
+            fell = fell and self._left > 0  # at a load edge there is another step anyway
+        missing = recording is not None and recording.count - samples < np.searchsorted(instants, done, side="right")
+        if recording is not None and missing and simulation.sound:  # it stopped at the instant of a sample, before that was taken
+            simulation.go(0, simulation.dt_s, recording=recording, instants=np.zeros(1, dtype=np.int64))
         if self._step_was_too_long(fell, called):
             if recording is not None and self._checkpoint is not None:
                 recording.count = samples
             return
-        if recording is not None and recording.count - samples < np.searchsorted(instants, done, side="right"):
-            # it stopped at the instant of a sample, before that was taken
-            simulation.go(0, simulation.dt_s, recording=recording, instants=np.zeros(1, dtype=np.int64))
         if self._left == 0:
             self._mark += 1  # a load changes here, and nothing is known of what follows
             self._watch[[WAIT, INTERVAL]] = FEWEST_STEPS_BETWEEN_SCANS
@@ -326,8 +329,9 @@ class Transient:
             shorter_s = self._shortened * self.limit_s
         else:
             return False
-        self.largest_fraction = max(self.largest_fraction, self._dt / self.limit_s)
-        if self._checkpoint is not None:
+        if self._checkpoint is None:
+            self.largest_fraction = max(self.largest_fraction, self._dt / self.limit_s)
+        else:
             self._continue_from(self._checkpoint)
         self._divide(shorter_s)
         return True
@@ -392,7 +396,7 @@ class Transient:
 
         ``threads``: number of threads for which sums are stored; that of the simulation if left out.
         """
-        state = self._state() if self._checkpoint is None else self._checkpoint
+        state = self._state() if self._checkpoint is None else {name: array.copy() for name, array in self._checkpoint.items()}
         return for_threads(state, threads or len(self.simulation.parts))
 
     def restore(self, state: dict[str, np.ndarray]) -> None:
@@ -403,7 +407,7 @@ class Transient:
 
     def _renew_checkpoint(self) -> None:
         """Take no step back beyond the present state; does nothing where none is taken back."""
-        if self._checkpoint is not None:
+        if self._checkpoint is not None and self.status is None:
             self._checkpoint = self._state()
 
     def _state(self) -> dict[str, np.ndarray]:

@@ -146,7 +146,7 @@ def test_a_weight_falls_until_its_string_is_taut() -> None:
 
 @pytest.mark.parametrize("threads", [1, 2])
 def test_a_weight_moves_once_in_the_step_that_ends_a_run(threads: int) -> None:
-    """It falls freely, v = g t, while an element inverts: the thread that moves it learns of that in the next step."""
+    """It falls freely, v = g t up to rounding, while an element inverts: its thread learns of that in the next step."""
     mesh = box((4, 4, 4), (0.04, 0.04, 0.04))
     velocity = np.zeros_like(mesh.points)
     velocity[0] = 1000.0

@@ -67,7 +67,7 @@ def test_a_driven_tongue_without_damping_moves_on():
 
 
 def test_an_inversion_is_taken_back():
-    """A corner of a block is thrown inwards so fast that it passes the barrier in a step; at a tenth of the step it does not."""
+    """A corner of a block is thrown inwards so fast that it passes the barrier in one step; shorter steps stop it."""
     mesh = block_mesh((2, 2, 2))
     velocity = np.zeros_like(mesh.points)
     velocity[np.argmax(mesh.points.sum(axis=1))] = -20.0

@@ -27,7 +27,7 @@ def pull_of(u, v, weights, number):
 
 @leaf
 def add_weights(force, u, v, weights, activation, instant):
-    """Add the pull of the strings at displacement u and velocity v to the node rows, and note what pushes each weight."""
+    """Add the pull of the strings at displacement u and velocity v to the node rows, and store the net force on each weight."""
     for number in range(len(weights.mass)):
         pull = pull_of(u, v, weights, number)
         weights.push[number] = weights.weight[number] * activation[weights.profile[number], instant] - pull
@@ -39,7 +39,7 @@ def add_weights(force, u, v, weights, activation, instant):
 
 @leaf
 def move_weights(weights, h, dt):
-    """Advance the weights to the next instant by what pushes them; h is the mean of the steps before and after this one [s]."""
+    """Advance the weights to the next instant under the stored forces; h is the mean of the steps before and after it [s]."""
     for number in range(len(weights.mass)):
         weights.state[number, 1] += h * weights.push[number] / weights.mass[number]
         weights.state[number, 0] += dt * weights.state[number, 1]

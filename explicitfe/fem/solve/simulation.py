@@ -437,7 +437,7 @@ class Simulation(Body):
 
 
 def for_threads(state: dict[str, np.ndarray], threads: int) -> dict[str, np.ndarray]:
-    """A restart state with its sums as so many threads store them: unchanged, or all in those of the first."""
+    """Convert the sums of a restart state, stored per thread, to another number of threads: the first thread gets them all."""
     if len(state["ledgers"]) == threads:
         return state
     sums = {name: np.zeros((threads, *state[name].shape[1:])) for name in ("ledgers", "lengths")}

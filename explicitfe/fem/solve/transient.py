@@ -49,8 +49,8 @@ CALMING_ALPHA_PER_S = 20.0
 # Compiled code returns after about so long, for the progress and for whoever stops the run.
 SECONDS_BETWEEN_RETURNS = 0.2
 STEPS_BEFORE_TIMED = 16  # after which it is known how long a step takes
-# Of a body that nothing calms: how many steps may be taken back, by what a step is shortened in which a corner fell too far or an
-# element inverted, and the share of the first step below which it is not shortened for that.
+# For undamped bodies: steps between two checkpoints, the factor of the step after an inversion or too large a decrease of a
+# corner's volume, and the share of the first step below which the step is not reduced for these reasons.
 STEPS_BETWEEN_CHECKPOINTS = 50
 SHORTENED_AFTER_FOLDING = 0.5
 SHORTEST_SHARE_OF_FIRST_STEP = 1e-4
@@ -85,10 +85,10 @@ class Transient:
     its time and does not change the step.
 
     For a body without damping the step is 0.6 of the limit, and stays between 0.45 and 0.75. If the barrier against inversion is
-    on, steps that turn out to be too long are taken back: the run continues from the last checkpoint with a shorter step. The
-    step would otherwise be shortened while a corner is in the stiff part of the barrier and lengthened after it has left, and the
-    energy that such a change adds then has a preferred sign. A checkpoint is stored at each sample, at each load edge and every
-    50 steps, so here the steps depend on the instants of the samples.
+    on, steps that turn out to be too long are taken back: the run continues from the last checkpoint with a shorter step. If the
+    step were shortened while a corner is in the stiff part of the barrier and lengthened after it has left, the resulting changes
+    of the energy would be biased and accumulate. A checkpoint is stored at each sample, at each load edge and every 50 steps, so
+    the steps of such a body depend on the times of the samples.
 
     Parameters
     ----------
@@ -310,7 +310,7 @@ class Transient:
 
         Parameters
         ----------
-        fell : whether a corner fell too far in the last step.
+        fell : whether the volume of a corner decreased too much in the last step.
         called : whether a stability check has called for another step.
         """
         broken = not self.simulation.sound or not np.isfinite(self.limit_s)

@@ -31,7 +31,7 @@ class Weights(NamedTuple):
     damping: np.ndarray  # of the string [N s/m], (weights,)
     profile: np.ndarray  # row of the activation table, int64, (weights,)
     state: np.ndarray  # displacement [m] and velocity [m/s] of the weight along gravity, (weights, 2)
-    push: np.ndarray  # weight less pull at the present instant [N], (weights,)
+    push: np.ndarray  # net force at the present instant, weight minus pull of the string [N], (weights,)
 
 
 class Drag(NamedTuple):

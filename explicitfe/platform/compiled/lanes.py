@@ -12,7 +12,7 @@ POSSIBLE_LANES = (2, 4, 8)
 
 
 def _lanes() -> int:
-    """Number of float64 lanes of a vector: that of one register of this processor, or the value of EXPLICITFE_LANES.
+    """Return the number of float64 lanes of a vector: the width of a register of this processor, or EXPLICITFE_LANES.
 
     More lanes than a register holds are slower (measured with AVX2: 4 lanes 45 ns, 8 lanes 64 ns per element and step), and fewer
     too; results are equal to rounding. The environment variable is for tests: one machine then tries them all.
@@ -27,4 +27,4 @@ def _lanes() -> int:
     return int(asked)
 
 
-WIDTH = _lanes()  # elements are stored in blocks of this size
+WIDTH = _lanes()  # also the number of elements in a block of element data

@@ -90,7 +90,7 @@ class _Form(CompileResultCacheImpl):
 
 
 def _part_of_name(name: str) -> Dispatcher | None:
-    """Find a function of this process by its name."""
+    """Return the function with this name if this process has imported it, otherwise None."""
     for function, dispatcher in PARTS.items():
         if name.startswith(f"{function.__module__}.{function.__qualname__}_") and name_of_part(function) == name:
             return dispatcher()

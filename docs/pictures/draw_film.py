@@ -1,6 +1,6 @@
-"""Draw the moving picture of the README and the views of docs/how-to/pictures.md, from results of ``vowel-i`` and ``vowel-a``.
+"""Draw the film and first picture of the README, and the views of docs/how-to/pictures.md, from results of three vowels.
 
-python docs/pictures/draw_film.py outputs/vowel-i.vtkhdf outputs/vowel-a.vtkhdf [FOLDER]
+python docs/pictures/draw_film.py outputs/vowel-i-palatal.vtkhdf outputs/vowel-i.vtkhdf outputs/vowel-a.vtkhdf [FOLDER]
 """
 
 from __future__ import annotations
@@ -17,25 +17,41 @@ HERE = Path(__file__).resolve().parent
 FILM_SIZE_PX, VIEW_SIZE_PX, PART_SIZE_PX = (720, 540), (960, 720), (720, 540)
 MOUTH_VIEWS = ("side", "oblique", "top", "front")
 COLOURS_OF_MOUTH = 255
-# Name of a picture -> kind, from where, and the field.
-PICTURES: dict[str, tuple[FileKind, str, str]] = {
-    "vowel-i.gif": ("gif", "midsagittal", "displacement"),
-    "vowel-i-oblique.png": ("png", "oblique", "displacement"),
-    "vowel-i-volume.png": ("png", "midsagittal", "J"),
-}
+FILM = "vowel-i-palatal"
+# Name of a picture of vowel [i] -> from where, and the field.
+VIEWS = {"vowel-i-oblique.png": ("oblique", "displacement"), "vowel-i-volume.png": ("midsagittal", "J")}
 
 
 def main() -> None:
     """Draw each picture under its own name."""
-    vowel_i, vowel_a = Path(sys.argv[1]), Path(sys.argv[2])
-    folder = Path(sys.argv[3]) if len(sys.argv) > 3 else HERE
-    for name, (kind, view, field) in PICTURES.items():
-        size_px = FILM_SIZE_PX if kind == "gif" else VIEW_SIZE_PX
-        with tempfile.TemporaryDirectory(dir=folder) as beside:
-            drawn = show(vowel_i, view, field=field, files=[kind], folder=Path(beside), size_px=size_px)
-            Path(drawn["files"][0]).replace(folder / name)
-        print(f"written: {folder / name}, {(folder / name).stat().st_size / 1e6:.2f} MB")
+    palatal, vowel_i, vowel_a = map(Path, sys.argv[1:4])
+    folder = Path(sys.argv[4]) if len(sys.argv) > 4 else HERE
+    draw(palatal, "gif", "side", "none", folder / f"{FILM}.gif", without=("fibres",))
+    draw_ends(folder / f"{FILM}.gif", folder / f"{FILM}.png")
+    for name, (view, field) in VIEWS.items():
+        draw(vowel_i, "png", view, field, folder / name)
     draw_mouth(vowel_a, folder / "mouth.png")
+
+
+def draw(result: Path, kind: FileKind, view: str, field: str, target: Path, without: tuple[str, ...] = ()) -> None:
+    """Draw one picture or film."""
+    size_px = FILM_SIZE_PX if kind == "gif" else VIEW_SIZE_PX
+    with tempfile.TemporaryDirectory(dir=target.parent) as beside:
+        drawn = show(result, view, field=field, without=without, files=[kind], folder=Path(beside), size_px=size_px)
+        Path(drawn["files"][0]).replace(target)
+    print(f"written: {target}, {target.stat().st_size / 1e6:.2f} MB")
+
+
+def draw_ends(film: Path, target: Path) -> None:
+    """Draw the first and the last frame of a film side by side."""
+    width, height = FILM_SIZE_PX
+    sheet = Image.new("RGB", (2 * width, height))
+    with Image.open(film) as frames:
+        for number, frame in enumerate((0, frames.n_frames - 1)):
+            frames.seek(frame)
+            sheet.paste(frames.convert("RGB"), (number * width, 0))
+    sheet.quantize(COLOURS_OF_MOUTH).save(target, optimize=True)
+    print(f"written: {target}, {target.stat().st_size / 1e6:.2f} MB")
 
 
 def draw_mouth(result: Path, target: Path) -> None:

@@ -29,6 +29,9 @@ GGA = {"GGa": 0.5}
 SL = {"SL": 0.5}
 BRACED = {**GGP, "GGa": 0.3, "SL": 0.15, "MH": 1.0}
 GESTURES = {"[i]": VOWEL_I, "GGp 2 N": GGP, "GGa 0.5 N": GGA, "SL 0.5 N": SL, "braced [i]": BRACED}
+# The jaw is 2 mm nearer than at rest in [i], and with GGp alone, which is compared with it.
+JAW_MM = {"[i]": -2.0, "GGp 2 N": -2.0, "braced [i]": -2.0}
+IN_I = {"jaw_mm": -2.0}
 NAMES_OF_TISSUES = {CADAVER: "cadaver", LIVING: "living"}
 # C10 of living over cadaver tissue: forces so much larger act on it as the others do on the cadaver.
 STIFFER = 5.4
@@ -36,6 +39,10 @@ POINTS = ("tip", "blade", "front", "dorsum")
 FORWARD, UP = 0, 1
 RAMP_MS = 50.0
 ROUNDING = 0.05  # of the figures in the tables: a figure that rounds to the limit meets it
+
+
+def gesture(name: str, **settings: Any) -> Case:
+    return case(GESTURES[name], **{"jaw_mm": JAW_MM.get(name, 0.0)} | settings)
 
 
 @dataclass(frozen=True)
@@ -53,7 +60,7 @@ class Asked:
 
     def cases(self, **settings: Any) -> list[Case]:
         names = [name for name in (self.gesture, self.more_than) if name is not None]
-        return [case(GESTURES[name], tissue=self.tissue, **dict(self.settings), **settings) for name in names]
+        return [gesture(name, tissue=self.tissue, **dict(self.settings), **settings) for name in names]
 
     def seen(self, laboratory: Laboratory, **settings: Any) -> float:
         first, *others = [self.value(laboratory.answer(each)) for each in self.cases(**settings)]
@@ -180,10 +187,10 @@ def trust_of(answer: Answer) -> list[str]:
 def gestures(laboratory: Laboratory, tissue: str) -> str:
     """Every gesture on both meshes, with and without bones."""
     rows = []
-    for name, pulls in GESTURES.items():
+    for name in GESTURES:
         for mesh in ("medium", MEASURED):
             for bones in ((), BONES):
-                answer = laboratory.answer(case(pulls, tissue=tissue, mesh=mesh, bones=bones))
+                answer = laboratory.answer(gesture(name, tissue=tissue, mesh=mesh, bones=bones))
                 which = "built-in" if mesh == "medium" else mesh
                 rows.append([name, which, "with" if bones else "without", *points_of(answer), *trust_of(answer)])
     return table(["gesture", "mesh", "bones", *HEAD_OF_POINTS, *HEAD_OF_TRUST], rows)
@@ -205,7 +212,7 @@ def short_of(answer: Answer) -> float:
     return max(each.short_by(each.value(answer)) for each in PLACES_ASKED[answer.case.tissue])
 
 
-TO_THE_LETTER: dict[str, Any] = {"distribution": "ends", "beta_s": 0.0, "attachment": "nodes", "bones": ()}
+TO_THE_LETTER: dict[str, Any] = {"distribution": "ends", "beta_s": 0.0, "attachment": "nodes", "bones": (), "jaw_mm": 0.0}
 STEPS: list[tuple[str, dict[str, Any]]] = [
     ("the paper to the letter: forces on fibre ends, alpha only, held nodes, no bones", {}),
     ("+ beta 0.03 s", {"beta_s": 0.03}),
@@ -213,14 +220,16 @@ STEPS: list[tuple[str, dict[str, Any]]] = [
     ("+ along whole fibres", {"distribution": "along"}),
     ("+ as stress", {"distribution": "stress", "direction": "reference"}),
     ("+ jaw", {"bones": ("jaw",)}),
-    ("+ palate", {"bones": BONES}),
-    ("+ ties by area: **all**", {"attachment": "area"}),
+    ("+ palate and pharynx", {"bones": BONES}),
+    ("+ ties by area", {"attachment": "area"}),
+    ("+ jaw 2 mm nearer than at rest: **all**", IN_I),
 ]
 ALONE: list[tuple[str, dict[str, Any]]] = [
     ("to the letter, + bones alone", TO_THE_LETTER | {"bones": BONES}),
     ("to the letter, + bones and beta", TO_THE_LETTER | {"bones": BONES, "beta_s": 0.03}),
-    ("all, without the jaw", {"bones": ("palate",)}),
-    ("all, without the palate", {"bones": ("jaw",)}),
+    ("all, jaw at rest", {"jaw_mm": 0.0}),
+    ("all, without the jaw", {"bones": ("palate", "pharynx"), "jaw_mm": 0.0}),
+    ("all, without palate and pharynx", {"bones": ("jaw",)}),
     ("all, without beta", {"beta_s": 0.0}),
     ("all, forces on fibre ends instead of stress", {"distribution": "ends"}),
     ("all, + hyoid on springs of 0.5 N/mm", {"hyoid_N_mm": 0.5}),
@@ -245,7 +254,7 @@ def one_at_a_time(laboratory: Laboratory) -> str:
     """[i] from the paper to the letter to all effects, and what each does alone."""
     cells = []
     for label, chosen in [*steps(), *ALONE]:
-        answers = [laboratory.answer(case(**{"pulls": VOWEL_I} | chosen, tissue=tissue)) for tissue in NAMES_OF_TISSUES]
+        answers = [laboratory.answer(case(**{"pulls": VOWEL_I} | IN_I | chosen, tissue=tissue)) for tissue in NAMES_OF_TISSUES]
         shown = []
         for answer in answers:
             residual = number(short_of(answer))
@@ -263,8 +272,8 @@ def shifted_bones(laboratory: Laboratory) -> str:
               "2 mm up": (0.0, 0.0, 2.0), "2 mm down": (0.0, 0.0, -2.0)}  # fmt: skip
     for tissue, called in NAMES_OF_TISSUES.items():
         for label, shift_mm in shifts.items():
-            answer = laboratory.answer(case(VOWEL_I, tissue=tissue, shift_mm=shift_mm))
-            braced = laboratory.answer(case(braced_forces(tissue), tissue=tissue, shift_mm=shift_mm))
+            answer = laboratory.answer(case(VOWEL_I, tissue=tissue, shift_mm=shift_mm, **IN_I))
+            braced = laboratory.answer(case(braced_forces(tissue), tissue=tissue, shift_mm=shift_mm, **IN_I))
             lowered = laboratory.answer(case(GGA, tissue=tissue, shift_mm=shift_mm))
             free = "free" if braced.measures.contact["palate"].midline_free else "closed"
             cells = [called, label, *points_of(answer), number(short_of(answer)), *points_of(lowered, ("blade",)), free]
@@ -283,12 +292,11 @@ def mesh_errors(laboratory: Laboratory) -> str:
     rows = []
     for tissue, called in NAMES_OF_TISSUES.items():
         for name in COMPARED:
-            pulls = GESTURES[name]
-            finest = laboratory.answer(case(pulls, tissue=tissue, mesh=FINEST))
+            finest = laboratory.answer(gesture(name, tissue=tissue, mesh=FINEST))
             for mesh in MESHES:
-                answer = laboratory.answer(case(pulls, tissue=tissue, mesh=mesh))
+                answer = laboratory.answer(gesture(name, tissue=tissue, mesh=mesh))
                 plain, full = (
-                    laboratory.answer(case(pulls, tissue=tissue, mesh=mesh, element=element, beta_s=0.0))
+                    laboratory.answer(gesture(name, tissue=tissue, mesh=mesh, element=element, beta_s=0.0))
                     if mesh in ("medium", "fine") else None for element in ("hex8", "hex8-full")
                 )  # fmt: skip
                 compared = "" if plain is None or full is None else number(apart(plain, full))
@@ -355,7 +363,7 @@ def palate_contact(laboratory: Laboratory) -> str:
     variants += [("living", "unscaled forces", BRACED, {"tissue": LIVING})]
     variants += [("living", "[i], unscaled", VOWEL_I, {"tissue": LIVING})]
     for called, label, forces, settings in variants:
-        answer = laboratory.answer(case(forces, **settings))
+        answer = laboratory.answer(case(forces, **IN_I, **settings))
         contact = answer.measures.contact["palate"]
         cells = [" / ".join(number(part.area_mm2, 0) for part in side.values()) for side in contact.cells.values()]
         free = "free" if contact.midline_free else "closed"
@@ -378,9 +386,9 @@ def times(laboratory: Laboratory) -> str:
     """How long a gesture takes and how fast points go, for steps and for ramps."""
     rows = []
     for tissue, called in NAMES_OF_TISSUES.items():
-        for name, pulls in GESTURES.items():
+        for name in GESTURES:
             for rise_ms in (0.0, RAMP_MS):
-                answer = laboratory.answer(case(pulls, tissue=tissue, rise_ms=rise_ms))
+                answer = laboratory.answer(gesture(name, tissue=tissue, rise_ms=rise_ms))
                 cells = [called, name, "ramp" if rise_ms else "step"]
                 for point in ("tip", "dorsum"):
                     way, peak = float(np.hypot(*answer.moved(point))), peak_speed(point)(answer)
@@ -415,19 +423,19 @@ def draw_pictures(laboratory: Laboratory, folder: Path) -> None:
         scaled = f", forces × {STIFFER:g}" if tissue == LIVING else ""
         rows.append([
             Panel(f"{called}: [i], the paper to the letter", case(VOWEL_I, tissue=tissue, **TO_THE_LETTER)),
-            Panel(f"{called}: [i], all effects", case(VOWEL_I, tissue=tissue)),
-            Panel(f"{called}: braced [i]{scaled}", case(braced_forces(tissue), tissue=tissue)),
+            Panel(f"{called}: [i], all effects", case(VOWEL_I, tissue=tissue, **IN_I)),
+            Panel(f"{called}: braced [i]{scaled}", case(braced_forces(tissue), tissue=tissue, **IN_I)),
         ])  # fmt: skip
     draw_shapes(laboratory, rows, folder / "findings-shapes.png")
     forces = braced_forces(LIVING)
     panels = [
-        Panel("braced [i]", case(forces, tissue=LIVING)),
-        Panel("without GGa", case({k: v for k, v in forces.items() if k != "GGa"}, tissue=LIVING)),
-        Panel("GGp and GGh only", case({name: forces[name] for name in GGP}, tissue=LIVING)),
+        Panel("braced [i]", case(forces, tissue=LIVING, **IN_I)),
+        Panel("without GGa", case({k: v for k, v in forces.items() if k != "GGa"}, tissue=LIVING, **IN_I)),
+        Panel("GGp and GGh only", case({name: forces[name] for name in GGP}, tissue=LIVING, **IN_I)),
     ]
     draw_palate(laboratory, panels, folder / "findings-palate.png")
     residuals = {
-        called: [short_of(laboratory.answer(case(VOWEL_I, tissue=tissue, **chosen))) for _, chosen in steps()]
+        called: [short_of(laboratory.answer(case(VOWEL_I, tissue=tissue, **IN_I | chosen))) for _, chosen in steps()]
         for tissue, called in NAMES_OF_TISSUES.items()
     }
     labels = [label.partition(":")[0] for label, _ in steps()]

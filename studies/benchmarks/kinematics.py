@@ -91,6 +91,8 @@ def gesture(name: str, course: Course, folder: Path) -> Path:
         {key: muscle[key] for key in ("name", "force_N", "distribution")} | {"profile": "table", "table": course.pulls}
         for muscle in table["muscle"]
     ]
+    if "jaw" in table:
+        table["jaw"]["table"] = course.pulls
     table["analysis"] |= {"duration_ms": course.pulls[-1][0] + AFTERWARDS_MS}
     table["record"] = {"every_ms": 1e3 * STEP_S, "fields": ["displacement"]}
     path = folder / f"{name}-{re.sub('[^a-z0-9.]+', '-', course.name)}.json"

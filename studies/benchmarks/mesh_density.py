@@ -45,29 +45,7 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 
 ROOT = Path(__file__).resolve().parents[2]
-GESTURES = {"vowel-i": {"GGp": 2.0, "GGa": 0.2}, "ggp-alone": {"GGp": 2.0}, "gga-alone": {"GGa": 0.5}, "sl-alone": {"SL": 0.5}}
-TONGUE = """
-title = "How mesh density changes the answer"
-[model]
-name = "tongue"
-cells = {cells}
-material = "buchaillard-2009"
-damping = {{ alpha_per_s = 40.0, beta_s = 0.03 }}
-attachment = "area"
-[[bone]]
-name = "palate"
-[[bone]]
-name = "jaw"
-{muscles}
-[analysis]
-type = "transient"
-duration_ms = 200.0
-threads = 1
-[record]
-every_ms = 5.0
-fields = ["displacement"]
-"""
-MUSCLE = '[[muscle]]\nname = "{name}"\nforce_N = {force_N}\ndistribution = "stress"\n'
+GESTURES = ("vowel-i", "ggp-alone", "gga-alone", "sl-alone")
 INDENTATION = "indentation-rear"
 # The coarse tongue times each factor: proportions and shares are then those of one family, exactly.
 COARSE, MEDIUM = (10, 6, 8), (16, 8, 10)
@@ -107,23 +85,25 @@ class Run:
     cells: tuple[int, ...]
 
     @property
-    def text(self) -> str:
-        muscles = "".join(MUSCLE.format(name=name, force_N=force) for name, force in GESTURES[self.gesture].items())
-        return TONGUE.format(cells=list(self.cells), muscles=muscles)
+    def path(self) -> Path:
+        return ROOT / "scenarios" / f"{self.gesture}.toml"
+
+    @property
+    def settings(self) -> list[str]:
+        kept = ["analysis.duration_ms=200", "analysis.threads=1", "record.every_ms=5", 'record.fields=["displacement"]']
+        return [f"model.cells={list(self.cells)}", *kept]
 
     @property
     def key(self) -> str:
         """Name of the result's file; another scenario gives another name."""
-        return f"{self.gesture}_{'x'.join(map(str, self.cells))}_{digest(self.text)}"
+        return f"{self.gesture}_{'x'.join(map(str, self.cells))}_{digest(self.path.read_text(), self.settings)}"
 
     @property
     def mesh(self) -> HexMesh:
         return tongue_mesh(self.cells)
 
     def compute(self, scratch: Path) -> dict[str, Any]:
-        path = scratch / f"{self.gesture}.toml"
-        path.write_text(self.text, encoding="utf-8")
-        summary = explicitfe.run(path, scratch)
+        summary = explicitfe.run(self.path, scratch, settings=self.settings)
         with explicitfe.open_result(Path(summary["result"])) as result:
             quantities = tongue_quantities(result) if summary["status"] == "finished" else ({}, {})
             return kept(summary, result) | dict(zip(("mm", "size_mm"), quantities, strict=True))

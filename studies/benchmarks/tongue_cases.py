@@ -3,8 +3,7 @@
     laboratory = Laboratory(Path("outputs/findings"))
     laboratory.answer(case({"GGp": 2.0}, tissue=LIVING, mesh="fine")).moved("dorsum")
 
-A case is a scenario in memory, run and measured as ``explicitfe run`` and ``explicitfe measure`` do; the distances of its bones,
-which take longer than many a run, are computed once for all cases that share them.
+A case is a scenario in memory, run and measured as ``explicitfe run`` and ``explicitfe measure`` do.
 """
 
 from __future__ import annotations
@@ -15,7 +14,7 @@ import os
 import sys
 import tempfile
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -28,25 +27,21 @@ import numpy as np  # noqa: E402
 from outside_data import SHARED_DATA  # noqa: E402
 from real_tongue import write_model  # noqa: E402
 
-from explicitfe.fem.mesh.hexmesh import HexMesh  # noqa: E402
 from explicitfe.fem.mesh.validity import certify  # noqa: E402
-from explicitfe.fem.model.model import Bone, Model  # noqa: E402
-from explicitfe.fem.solve.simulation import Simulation  # noqa: E402
+from explicitfe.fem.model.model import Model  # noqa: E402
 from explicitfe.results.files import Result, open_result  # noqa: E402
 from explicitfe.results.measure.document import Measures  # noqa: E402
 from explicitfe.results.measure.measure import measures_of  # noqa: E402
 from explicitfe.results.measure.steps import last_step  # noqa: E402
-from explicitfe.simulate.anatomy import bones as model_bones  # noqa: E402
 from explicitfe.simulate.anatomy import catalogue  # noqa: E402
-from explicitfe.simulate.anatomy.tongue import assemble  # noqa: E402
-from explicitfe.simulate.run.transient import TransientAnalysis  # noqa: E402
-from explicitfe.simulate.scenario.bones import BoneTable, HyoidTable  # noqa: E402
+from explicitfe.simulate.run.prepare import analysis_of  # noqa: E402
+from explicitfe.simulate.scenario.bones import BoneTable, HyoidTable, JawTable  # noqa: E402
 from explicitfe.simulate.scenario.transient import AnalysisTable, Damping, ModelTable, MuscleTable, RecordTable, TransientScenario  # noqa: E402
 
 MEASURED_TONGUE = SHARED_DATA / "tongue" / "artisynth-hextongue"
 MEASURED = "measured"
 CADAVER, LIVING = "gerard-2005", "buchaillard-2009"
-BONES = ("palate", "jaw")
+BONES = ("palate", "jaw", "pharynx")
 
 
 @dataclass(frozen=True)
@@ -69,6 +64,7 @@ class Case:
     duration_ms: float = 200.0
     fibres: tuple[int, ...] | None = None
     stiffening: bool = False
+    jaw_mm: float = 0.0  # opening; the measured tongue, whose nodes are held, has a jaw at rest
 
     @property
     def key(self) -> str:
@@ -111,6 +107,7 @@ class Case:
                 else BoneTable(name=name, shift_mm=self.shift_mm, file=f"{name}.stl", length_unit="mm")
                 for name in self.bones
             ],
+            jaw=None if measured or not self.jaw_mm else JawTable(opening_mm=self.jaw_mm),
             hyoid=None if self.hyoid_N_mm is None else HyoidTable(stiffness_N_per_mm=self.hyoid_N_mm),
             analysis=AnalysisTable(duration_ms=self.duration_ms, threads=1),
             record=RecordTable(every_ms=2.0, fields=["displacement", "velocity"]),
@@ -134,7 +131,6 @@ class Laboratory:
 
     folder: Path
     computes: bool = True
-    _bones: dict[tuple[Any, ...], tuple[Bone, ...]] = field(default_factory=dict)
 
     def answer(self, asked: Case) -> Answer:
         """What came of a case; computed if it is not kept yet."""
@@ -152,20 +148,11 @@ class Laboratory:
             write_model(MEASURED_TONGUE, self.folder, as_stress=True)
             write_bones(self.folder)
         scenario = asked.scenario(self.folder)
-        model, anatomy, _ = assemble(scenario.model_copy(update={"bone": []}), self.folder)
-        model = replace(model, bones=self._bones_of(asked, scenario, model.mesh))
-        analysis = TransientAnalysis(Path("findings"), scenario, "", model, anatomy.name, Simulation(model, threads=1))
+        analysis = analysis_of(self.folder / "findings.toml", scenario, "")
         with tempfile.TemporaryDirectory() as scratch:
             summary = analysis.run(Path(scratch) / "result.vtkhdf", overwrite=True, progress=lambda *_: None)
             with open_result(Path(scratch) / "result.vtkhdf") as result:
-                return kept_of(result, model, summary)
-
-    def _bones_of(self, asked: Case, scenario: TransientScenario, mesh: HexMesh) -> tuple[Bone, ...]:
-        """Their distances take longer than many a run."""
-        key = (asked.mesh, asked.bones, asked.shift_mm)
-        if key not in self._bones:
-            self._bones[key] = model_bones.bones_of(scenario, mesh, self.folder)
-        return self._bones[key]
+                return kept_of(result, analysis.model, summary)
 
 
 def write_bones(folder: Path) -> None:
@@ -189,7 +176,8 @@ def kept_of(result: Result, model: Model, summary: Mapping[str, Any]) -> tuple[d
         "folded": certify(result.mesh.points + u, result.mesh.hexes).folded_count,
         "hourglass": summary["hourglass_share_end"],
         "balance": float(summary["energy_balance_error"]),
-        "deepest_mm": 1e3 * max((deepest(result, bone) for bone in model.bones), default=0.0),
+        "deepest_mm": 1e3
+        * max((float(np.max(result.history(f"contact_{bone.name}_depth"))) for bone in model.bones), default=0.0),
         "points": names,
     }
     paths = np.stack([result.history(f"probe_{name}_displacement") for name in names], axis=1)
@@ -200,17 +188,6 @@ def kept_of(result: Result, model: Model, summary: Mapping[str, Any]) -> tuple[d
     for bone in model.bones:
         arrays[f"pressure_{bone.name}"] = result.field(f"contact_pressure_{bone.name}", step)
     return kept, arrays
-
-
-def deepest(result: Result, bone: Bone) -> float:
-    """How deep a node that a bone touched came to lie in it at any sample, beyond its depth at rest, m."""
-    at_rest = np.maximum(0.0, -bone.field.at(result.mesh.points)[0])
-    most = 0.0
-    for step in range(len(result.times)):
-        touched = result.field(f"contact_pressure_{bone.name}", step) > 0.0
-        depth = -bone.field.at(result.mesh.points + result.displacement(step))[0] - at_rest
-        most = max(most, float(depth[touched].max(initial=0.0)))
-    return most
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ with three distributions of force and both tissues; with ``--real FOLDER`` (see 
 from __future__ import annotations
 
 import argparse
+import datetime
 import tempfile
 from itertools import product
 from pathlib import Path
@@ -26,11 +27,19 @@ from explicitfe.simulate.run.run import run
 ROOT = Path(__file__).resolve().parents[2]
 SCENARIOS = (
     "vowel-i", "vowel-i-braced", "ggp-alone", "gga-alone", "sl-alone", "ggm-alone", "ggh-alone", "il-alone", "sty-alone",
-    "hg-alone", "vert-alone", "trans-alone", "gh-alone", "mh-alone",
+    "hg-alone", "pg-alone", "vert-alone", "trans-alone", "gh-alone", "mh-alone",
 )  # fmt: skip
 OF_THE_PAPER = "vowel-i-gerard-2005"
 TISSUES = {"in vivo": "buchaillard-2009", "cadaver": "gerard-2005"}
 DISTRIBUTIONS = ("ends", "along", "volume")
+BRANCH = "{ alpha_per_s = 40.0, beta_s = 0.03"
+PRONY = "effects.viscoelastic={g=[0.3, 0.3], tau_s=[0.02, 1.0]}"
+DAMPINGS = {
+    "alpha only": ("model.damping={ alpha_per_s = 40.0 }",),
+    "beta 0.03 s, branch of 5 ms": (f"model.damping={BRANCH} }}",),
+    "beta 0.03 s, branch of 2 ms": (f"model.damping={BRANCH}, tau_ms = 2.0 }}",),
+    "Prony, g = 0.3 and 0.3, tau = 0.02 and 1 s": ("model.damping={ alpha_per_s = 40.0 }", PRONY),
+}
 POINTS, POINTS_OF_THE_PAPER = ("tip", "blade", "front", "dorsum", "back"), ("tip", "dorsum", "root")
 
 
@@ -97,6 +106,7 @@ def main() -> None:
     arguments = parser.parse_args()
     end = ["fastest node", "at rest", "hourglass", "inverted elements", "balance", "steps"]
     rows = [head(["run", "tissue", *POINTS, "groove", "palate", "jaw", *end])]
+    damped = [head(["run", "tissue", "damping", *POINTS_OF_THE_PAPER, "groove", *end])]
     of_the_paper = [head(["mesh", "tissue", "distribution", *POINTS_OF_THE_PAPER, "groove", *end])]
     with tempfile.TemporaryDirectory() as folder:
         for (tissue, material), name in product(TISSUES.items(), SCENARIOS):
@@ -104,6 +114,11 @@ def main() -> None:
             summary = run(path, folder, settings=[f"model.material={material}"], overwrite=True)
             rows.append(row(name, tissue, summary))
             print(rows[-1], flush=True)
+        for name, (tissue, material), (label, settings) in product(("vowel-i", OF_THE_PAPER), TISSUES.items(), DAMPINGS.items()):
+            path = ROOT / "scenarios" / f"{name}.toml"
+            summary = run(path, folder, settings=[f"model.material={material}", *settings], overwrite=True)
+            damped.append(row_of_the_paper(name, tissue, label, summary))
+            print(damped[-1], flush=True)
         path = ROOT / "scenarios" / f"{OF_THE_PAPER}.toml"
         for mesh, (tissue, material), distribution in product(("coarse", "medium"), TISSUES.items(), DISTRIBUTIONS):
             settings = [f"model.resolution={mesh}", f"model.material={material}"]
@@ -121,16 +136,20 @@ def main() -> None:
     newline = "\n"
     text = f"""# Runs of the tongue
 
-Made by `python studies/benchmarks/tongue_runs.py`. Displacements at the end in mm as *forward, up*;
-groove: how much deeper than at rest
-the midline of a coronal section lies below its sides, mm; fastest: the fastest node at the end, mm/s; settled: at that speed no
-node would move by 5 % of the largest displacement in another 100 ms; hourglass: largest share of the elastic energy, %; folded:
-elements with an inverted corner at the end; balance: largest energy balance error. What it means: [tongue.md](tongue.md).
+> *Study of {datetime.date.today():%Y-%m-%d}.* **In short.** Displacements, contact and solver figures of the scenarios
+> of the tongue on two tissues, of the original setup of Gérard et al. (2005), and of other damping.
+
+Written by `python studies/benchmarks/tongue_runs.py`. Displacements at the end of a run in mm as *forward, up*. Groove:
+by how much more than at rest the midline of a coronal section lies below its sides, mm. Fastest node: at the end, mm/s.
+At rest: at that speed no node would move by 5 % of the largest displacement in another 100 ms. Hourglass: largest share
+of the elastic energy, %. Inverted elements: at the end. Balance: largest energy balance error. What the numbers mean:
+[tongue.md](../reference/tongue.md).
 
 ## The scenarios
 
-Medium mesh, 200 ms, muscles as stress, palate and jaw. Groove at front / dorsum / back; palate, jaw: area and force of the
-contact, mm², N. *In vivo* is the tissue of the scenarios; *cadaver* is `model.material = "gerard-2005"`, a fifth as stiff.
+Medium mesh, muscles as stress, palate, jaw and pharynx. Groove at front / dorsum / back. Palate, jaw: area and normal
+force sum of the contact, mm², N. *In vivo* is the tissue of the scenarios; *cadaver* is `model.material =
+"gerard-2005"`, a fifth as stiff.
 
 {newline.join(rows)}
 
@@ -139,6 +158,12 @@ contact, mm², N. *In vivo* is the tissue of the scenarios; *cadaver* is `model.
 `vowel-i-gerard-2005` after 120 ms: forces on nodes in steps, no bones, damping by alpha alone; groove at the front.
 
 {newline.join(of_the_paper)}
+
+## Damping
+
+Medium mesh; groove at the front. Alpha is 40 1/s throughout.
+
+{newline.join(damped)}
 """
     arguments.out.write_text(text, encoding="utf-8")
     print(f"written: {arguments.out}")

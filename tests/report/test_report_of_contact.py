@@ -129,12 +129,33 @@ def test_the_page_has_the_command_as_it_is_typed(stop: Path, page: str, tmp_path
     assert scenario_words(tmp_path / "mine.toml", text) == "mine.toml"
 
 
+def test_expected_numbers_stand_next_to_those_of_the_run(tmp_path: Path) -> None:
+    """With their difference; they are left out if a setting makes the run another one."""
+    small = STOP.read_text(encoding="utf-8").partition("[[expected]]")[0].replace("duration_ms = 400.0", "duration_ms = 10.0")
+    scenario = tmp_path / "small.toml"
+    tip = "points.tip = { forward_mm = 1.0, up_mm = 0.25, sideways_mm = 0 }"
+    scenario.write_text(f"{small}\n[[expected]]\ntime_ms = 10\n{tip}\nairway.formants.F1_hz = 500\n".replace("medium", "coarse"))
+
+    def page(*settings: str) -> str:
+        summary = run(scenario, tmp_path, settings=settings, overwrite=True)
+        return Path(write_report([Path(summary["result"])], tmp_path / "page.html", overwrite=True)["report"]).read_text()
+
+    seen = measure(Path(run(scenario, tmp_path)["result"]), formants=True)
+    forward_mm, f1_hz = seen.points["tip"].forward_mm, seen.airway.formants[0].frequency_hz
+    for settings in ((), ("analysis.threads=1", "record.every_ms=1")):
+        text = page(*settings)
+        cells = f'10</td><td class="n">1.00</td><td class="n">{forward_mm:z.2f}</td><td class="n">{forward_mm - 1.0:+z.2f}</td>'
+        assert f'<td>tip forward (mm)</td><td class="n">{cells}' in text
+        assert f'<td class="n">500</td><td class="n">{f1_hz:.0f}</td>' in text
+        assert '<td>tip sideways (mm)</td><td class="n">10</td><td class="n">0.00</td><td class="n">–</td>' in text
+    assert "Expected result" not in page("muscle.SL.force_N=0.1")
+
+
 def test_texts_of_a_scenario_are_paragraphs(tmp_path: Path) -> None:
     """Line breaks of the file are no line breaks of the page."""
-    path = write_gesture(tmp_path / "push.vtkhdf", question="Does it\nmove?", expect="It moves\nforward.\n\nThen it\nstops.\n")
+    path = write_gesture(tmp_path / "push.vtkhdf", question="Does it\nmove?\n\nWhere\nto?\n")
     text = Path(write_report([path])["report"]).read_text(encoding="utf-8")
-    assert '<p class="lede">Does it move?</p>' in text
-    assert "<p>It moves forward.</p>\n<p>Then it stops.</p>" in text
+    assert '<p class="lede">Does it move?</p>\n<p class="lede">Where to?</p>' in text
     assert paragraphs("a\nb\n\n c \n") == ["a b", "c"] and paragraphs(" \n") == []
 
 

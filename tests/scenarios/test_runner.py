@@ -196,7 +196,7 @@ def test_advice_is_what_is_not_done_already(scenario: Path, tmp_path: Path) -> N
 
 def test_settings_reach_into_arrays_by_name(tmp_path: Path) -> None:
     """--set muscle.GGp.force_N=0 with GGa 0 leaves the tongue where it is; the stored scenario says what was set."""
-    settings = [*SMALL, "muscle.GGp.force_N=0", "muscle.GGh.force_N=0", "muscle.GGa.force_N=0"]
+    settings = [*SMALL, "jaw.opening_mm=0", "muscle.GGp.force_N=0", "muscle.GGh.force_N=0", "muscle.GGa.force_N=0"]
     summary = explicitfe.run(VOWEL, tmp_path, settings=settings)
     assert summary["largest_displacement_mm"] == 0.0
     assert summary["settled"]
@@ -205,7 +205,7 @@ def test_settings_reach_into_arrays_by_name(tmp_path: Path) -> None:
 
 
 def test_body_that_never_moved_is_at_rest(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    settings = [word for setting in (*SMALL, "muscle=[]") for word in ("--set", setting)]
+    settings = [word for setting in (*SMALL, "muscle=[]", "jaw.opening_mm=0") for word in ("--set", setting)]
     assert command(["run", str(VOWEL), "--out", str(tmp_path), *settings]) == 0
     assert "at rest" in capsys.readouterr().out
 

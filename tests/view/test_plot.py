@@ -21,7 +21,7 @@ from explicitfe.results.files import FINISHED, open_result
 from explicitfe.simulate.run.run import result_path, run
 
 VOWEL = ROOT / "scenarios" / "vowel-i.toml"
-TINY = ["model.cells=[8,4,4]", "analysis.duration_ms=4", "bone=[]", "model.attachment=nodes", "title='2 $x_{$ 3 $'"]
+TINY = ["model.cells=[8,4,4]", "analysis.duration_ms=4", "bone=[]", "title='2 $x_{$ 3 $'"]
 
 
 @pytest.fixture(scope="module")

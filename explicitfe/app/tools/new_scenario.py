@@ -52,7 +52,7 @@ distribution = "stress"
 """
 NAME_COLUMN = 40  # where comments begin
 # What a shipped scenario says of itself, which a changed copy no longer does.
-_OWN_WORDS = re.compile(r'^(title|question|expect) = ("""(.|\n)*?"""|.*)\n', re.M)
+_OWN_WORDS = re.compile(r'^(title|question|expect) = ("""(.|\n)*?"""|.*)\n|^\[\[expected\]\]\n(.+\n)*', re.M)
 _SCHEMA_LINE = re.compile(r"^#:schema .*\n")
 
 

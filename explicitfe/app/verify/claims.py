@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from explicitfe.app.verify import bodies, data, one_element, speech
+from explicitfe.app.verify import bodies, data, gerard, one_element, speech
 from explicitfe.app.verify.claim import Claim
 
 OWN_REFERENCE = "computed for this project, on three meshes each"
@@ -125,6 +125,19 @@ CLAIMS = (
         fails="Directions only. The distance depends on muscle forces that have not been measured.",
         figure=speech.muscles,
         seconds=10.0,
+    ),
+    Claim(
+        name="vowel-i",
+        sentence="GGp (2 N) and GGa (0.2 N) move the tongue forward and up, from tip to dorsum, with a groove; GGp makes none.",
+        evidence="published",
+        reference="forward and high in front, with a groove",
+        source="Gérard et al. (2005), section 5; scenario vowel-i, jaw 2 mm nearer than at rest",
+        allowed=0.0,
+        unit="statements",
+        because="a direction is right or wrong",
+        fails="With the jaw at rest tip, blade and front sink. In cadaver tissue the blade sinks.",
+        figure=gerard.vowel_i,
+        seconds=5.0,
     ),
     Claim(
         name="tubes",

@@ -15,8 +15,6 @@ from explicitfe.results.files.differing_keys import differing_keys, table_in_wor
 
 LONGEST_HEADING_CHARACTERS = 400  # five lines: a longer heading would leave no room for the picture
 LONGEST_STEM_CHARACTERS = 120
-# Keys of a scenario that describe it in words.
-NOT_PHYSICS = ("title", "question", "expect")
 SETTING_MARK = "# --set "  # before each setting at the head of a stored scenario
 
 if TYPE_CHECKING:
@@ -56,9 +54,7 @@ def heading_of_several(results: Sequence[Result], height_in: float, what: str) -
     """An empty figure with a heading for several results: the picture, their names, and the keys in which they differ."""
     names = labels_of([result.path for result in results])
     keys = differing_keys([result.model.get("scenario", {}) for result in results])
-    differing = "; ".join(
-        f"{key}: {', '.join(map(_short_value, values))}" for key, values in keys.items() if key not in NOT_PHYSICS
-    )
+    differing = "; ".join(f"{key}: {', '.join(map(_short_value, values))}" for key, values in keys.items())
     lines = textwrap.wrap(textwrap.shorten(differing, LONGEST_HEADING_CHARACTERS // 2, placeholder=" …"), 110)
     title = textwrap.wrap(f"{what}: {', '.join(names)}", 88)
     figure = new_figure(WIDTH_IN, height_in + 0.2 * (len(title) + len(lines)))

@@ -8,7 +8,7 @@ from typing import Any
 from pydantic import JsonValue
 
 # Keys that describe a scenario for a reader. They do not change the computation.
-WORDS = ("title", "question", "expect")
+WORDS = ("title", "question", "expect", "expected")
 # A table that only one scenario has is shown with this many of its keys.
 SHOWN_KEYS = 3
 # Its name stands in the key already.

@@ -8,8 +8,9 @@ from pydantic import Field, model_validator
 
 from explicitfe.fem.inputs.limits import RelativeResidual
 from explicitfe.fem.inputs.specimen import SpecimenTable, ToolTable
-from explicitfe.fem.inputs.table import MOST_ROWS_OF_A_COURSE, Table, Threads, Title
+from explicitfe.fem.inputs.table import MOST_ROWS_OF_A_COURSE, MOST_TABLES_OF_A_KIND, Table, Threads, Title
 from explicitfe.simulate.scenario.effects_table import EffectsTable
+from explicitfe.simulate.scenario.expected import EXPECTED, ExpectedNumbers
 
 
 class RelaxationTable(Table):
@@ -62,7 +63,8 @@ class IndentationScenario(Table):
 
     title: Title
     question: str = Field(default="", description="what the run is to answer")
-    expect: str = Field(default="", description="what the run should show, with the number to expect")
+    expect: str = Field(default="", description="expected result, in words")
+    expected: list[ExpectedNumbers] = Field(default=[], max_length=MOST_TABLES_OF_A_KIND, description=EXPECTED)
     model: SpecimenTable
     tool: ToolTable
     effects: EffectsTable = EffectsTable()

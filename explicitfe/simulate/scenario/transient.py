@@ -12,6 +12,7 @@ from explicitfe.fem.inputs.table import MOST_TABLES_OF_A_KIND, Name, Table, Thre
 from explicitfe.simulate.scenario.bodies import BodyTable, ContactTable, MeshTable
 from explicitfe.simulate.scenario.bones import BoneTable, HyoidTable, JawTable
 from explicitfe.simulate.scenario.effects_table import EffectsTable
+from explicitfe.simulate.scenario.expected import EXPECTED, ExpectedNumbers
 from explicitfe.simulate.scenario.lips import LipsTable
 from explicitfe.simulate.scenario.loads import AirTable, LoadTable, ReleaseTable, SupportTable
 from explicitfe.simulate.scenario.profile import ProfileTable
@@ -120,7 +121,8 @@ class TransientScenario(Table):
 
     title: Title
     question: str = Field(default="", description="question that the run answers")
-    expect: str = Field(default="", description="expected result, with numbers")
+    expect: str = Field(default="", description="expected result, in words")
+    expected: list[ExpectedNumbers] = Field(default=[], max_length=MOST_TABLES_OF_A_KIND, description=EXPECTED)
     model: ModelTable
     body: list[BodyTable] = Field(default=[], max_length=MOST_TABLES_OF_A_KIND, description="further bodies, which it touches")
     contact: ContactTable | None = Field(

@@ -17,6 +17,7 @@ from explicitfe.platform.host import stopping
 from explicitfe.platform.host.shipped import scenario_file
 from explicitfe.platform.host.toml_text import toml_value
 from explicitfe.results.files import FINISHED, ResultInMemory
+from explicitfe.results.measure.numbers import flat
 from explicitfe.results.measure.steps import last_step
 from explicitfe.simulate.anatomy import catalogue
 from explicitfe.simulate.anatomy.tongue import assemble
@@ -24,7 +25,7 @@ from explicitfe.simulate.run.prepare import prepare
 from explicitfe.simulate.run.transient import TransientAnalysis
 from explicitfe.simulate.scenario.read import read_transient, setting_texts
 from explicitfe.simulate.scenario.transient import TransientScenario
-from explicitfe.simulate.sweep.rows import PARTS, flat
+from explicitfe.simulate.sweep.rows import PARTS
 
 # Groups of measures that depend on where the body is alone, and the columns of those in which some depend on more.
 FROM_POSITIONS: dict[str, tuple[str, ...]] = {

@@ -10,10 +10,9 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, NamedTuple, cast
+from typing import NamedTuple, cast
 
 import numpy as np
-from pydantic import BaseModel
 
 from explicitfe.fem.mesh.hexmesh import HexMesh
 from explicitfe.platform.errors import InputError, MachineError, RunError, silent
@@ -24,6 +23,7 @@ from explicitfe.results.measure.contact import contacts
 from explicitfe.results.measure.formants import airway_of
 from explicitfe.results.measure.measure import constriction_of
 from explicitfe.results.measure.motion import body_motion, point_motions
+from explicitfe.results.measure.numbers import flat, numbers_of_curve
 from explicitfe.results.measure.palatogram import palatogram
 from explicitfe.results.measure.sections import X, Z, midsagittal
 from explicitfe.results.measure.shape import grooves, highest_point
@@ -212,7 +212,7 @@ def _computed(task: Task, member: Member) -> tuple[str, str, Row]:
                 else:
                     cells |= flat(PARTS[part](result, step), part)
     else:
-        cells |= _curve(cast(IndentationSummary, summary))
+        cells |= numbers_of_curve(cast(IndentationSummary, summary)["curve"])
         if summary["status"] == FINISHED:
             for measure in task.own.values():
                 cells |= flat(measure.of(result, last_step(result)), measure.name)
@@ -233,20 +233,6 @@ def contour(mesh: HexMesh, displacement: np.ndarray) -> list[int]:
         return []
     outline = cut.at(mesh.points + displacement)[max(cut.loops, key=len)][:, [X, Z]]
     return np.rint(outline.ravel() / CONTOUR_UNIT_M).astype(int).tolist()
-
-
-def flat(value: object, name: str) -> Row:
-    """The numbers of nested tables under dotted names; lists and texts are omitted."""
-    if isinstance(value, BaseModel):
-        value = {key: getattr(value, key) for key in type(value).model_fields}
-    if isinstance(value, Mapping):
-        return {key: cell for inner, part in value.items() for key, cell in flat(part, f"{name}.{inner}").items()}
-    return {name: cast(Cell, value)} if value is None or isinstance(value, (bool, int, float)) else {}
-
-
-def _curve(summary: IndentationSummary) -> Row:
-    """Force and displacement at each load that was reached; the first load is number 1."""
-    return {f"load.{k}.{key}": cast(Any, point)[key] for k, point in enumerate(summary["curve"], 1) for key in point}
 
 
 def is_kept(keep: str, number: int, status: str) -> bool:

@@ -178,12 +178,13 @@ class Scene:
         return add(scalars="shown", clim=field.limits, cmap=field.colours, show_scalar_bar=False)
 
     def _add_shape_at_rest(self) -> None:
-        """A dashed outline where the body is cut, else its surface, to be looked through."""
-        if self.view.cut:
+        """A dashed outline of the cut, or of the middle of a tongue seen from the side; else the silhouette of the body."""
+        if self.view.cut or (self._has_mouth and self.view.axes[2][Y] == -1.0):
             size = float(np.ptp(self._extent, axis=0).max())
-            before = BEFORE_FACE_SHARE * size * self.view.axes[2]
+            before = (BEFORE_FACE_SHARE if self.view.cut else 1.0) * size * self.view.axes[2]
+            cut = self._body if self.view.cut else BodySurface(self.result.mesh, self._middle_mm / 1e3, self._has_mouth)
             self.plotter.add_mesh(
-                _segments(dashes(self._body.outline(), DASH_LENGTH_SHARE * size) + before),
+                _segments(dashes(cut.outline(), DASH_LENGTH_SHARE * size) + before),
                 color=GHOST_COLOUR,
                 line_width=2,
                 lighting=False,

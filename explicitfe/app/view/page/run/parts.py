@@ -13,25 +13,27 @@ from typing import Any
 import numpy as np
 from pydantic import JsonValue
 
-from explicitfe.app.view.heading import NOT_PHYSICS, title_of
+from explicitfe.app.view.heading import title_of
 from explicitfe.app.view.muscles import muscles_of, pull_in_words
 from explicitfe.app.view.page.chart import Chart
 from explicitfe.app.view.page.run.checks import Checks, checks_of
 from explicitfe.app.view.page.run.playback import frame_count, playback
 from explicitfe.app.view.page.tables import PageTable, table
-from explicitfe.app.view.page.words import bare, finite, motion_at_end, number, paragraphs, percent, speed
+from explicitfe.app.view.page.words import DASH, bare, finite, motion_at_end, number, paragraphs, percent, speed
 from explicitfe.platform.host import shipped
 from explicitfe.results.documents.run_summary import kind_of
 from explicitfe.results.documents.units_of_keys import terms_of, words_and_unit
-from explicitfe.results.files import Result
-from explicitfe.results.files.differing_keys import differing_keys, table_in_words
+from explicitfe.results.files import FINISHED, Result
+from explicitfe.results.files.differing_keys import WORDS, differing_keys, table_in_words
 from explicitfe.results.measure.document import BoneContact, Measures
 from explicitfe.results.measure.measure import measures_of
+from explicitfe.results.measure.numbers import numbers_at
 
 # Longer values of a scenario are cut in the table of differences.
 LONGEST_VALUE_CHARACTERS = 80
 # A column in which all displacements are smaller is omitted: it would show 0.00 throughout.
 SMALLEST_SHOWN_MM = 0.005
+TIME = "time_ms"
 # Prefix of the lines at the head of a stored scenario that record the settings of the run.
 SETTING = "# --set "
 
@@ -43,7 +45,9 @@ class RunOnPage:
     Attributes
     ----------
     label : short name, unique on the page: that of its file.
-    question, expect : paragraphs of the scenario; empty where it has none.
+    question : paragraphs of the scenario; empty where it has none.
+    expect, expected : paragraphs, and measures next to their expected values; empty and None if the run is another one than the
+        scenario file states.
     facts : name -> value, in words, of the table of the run and its results.
     moved : displacement of each named point; None where there are none.
     charts : drawn from its history.
@@ -57,6 +61,7 @@ class RunOnPage:
     checks: Checks
     question: list[str]
     expect: list[str]
+    expected: PageTable | None
     facts: dict[str, str]
     moved: PageTable | None
     charts: list[Chart]
@@ -78,7 +83,8 @@ def run_on_page(result: Result, last: int, label: str, charts: list[Chart], shar
         title=title_of(result),
         checks=checks_of(result),
         question=paragraphs(str(scenario.get("question") or "")),
-        expect=paragraphs(str(scenario.get("expect") or "")),
+        expect=paragraphs(str(scenario.get("expect") or "")) if _is_as_expected(result) else [],
+        expected=_expectation_table(result, scenario.get("expected") or []) if _is_as_expected(result) else None,
         facts=dict(_facts(result, measures)),
         moved=None if measures is None or not result.mesh.named_points else _moved(measures),
         charts=charts,
@@ -199,6 +205,34 @@ def _moved(measures: Measures) -> PageTable | None:
     return table(head, rows, "tnnnnnnn")
 
 
+def _is_as_expected(result: Result) -> bool:
+    """Whether a run has ended, with the values of its scenario file but for keys that change no measure."""
+    keys = [setting.partition("=")[0].strip() for setting in _settings(result)]
+    return result.status == FINISHED and all(key in (*WORDS, "analysis.threads") or key.startswith("record.") for key in keys)
+
+
+def _expectation_table(result: Result, expected: Sequence[Mapping[str, float]]) -> PageTable | None:
+    """Measures of the scenario's table ``expected``: the expected number, that of this run and the difference."""
+    digits: dict[str, int] = {}  # of numbers with the same unit: the most that the scenario states
+    for name, value in (pair for numbers in expected for pair in numbers.items()):
+        unit = words_and_unit(name)[1]
+        digits[unit] = max(digits.get(unit, 0), len(f"{value!r}".partition(".")[2].rstrip("0")))
+    rows: list[tuple[str, ...]] = []
+    for numbers in expected:
+        time_ms = numbers.get(TIME)
+        with_formants = any(name.startswith("airway.") for name in numbers)
+        seen = numbers_at(result, None if time_ms is None else 1e-3 * time_ms, with_formants)
+        for name, value in numbers.items():
+            *group, key = name.removeprefix("points.").split(".")
+            words, unit = words_and_unit(key)
+            now, form = seen.get(name), f"z.{digits[unit]}f"
+            compared = (DASH, "") if now is None else (f"{now:{form}}", f"{now - value:+{form}}")
+            label = " ".join([*group, words]) + (f" ({unit})" if unit else "")
+            if name != TIME:
+                rows.append((label, "" if time_ms is None else f"{time_ms:g}", f"{value:{form}}", *compared))
+    return table(("measure", "at (ms)", "expected", "this run", "difference"), rows, "tnnnn")
+
+
 def _commands(result: Result) -> Iterator[str]:
     """The command that repeats the run, and those that show more of it."""
     stored = result.model
@@ -232,7 +266,7 @@ def scenario_words(file: Path, text: str) -> str:
 def _without_words(text: str) -> dict[str, Any] | None:
     """The keys of a scenario that a run depends on; None for a text that cannot be read."""
     try:
-        return {key: value for key, value in tomllib.loads(text).items() if key not in NOT_PHYSICS}
+        return {key: value for key, value in tomllib.loads(text).items() if key not in WORDS}
     except tomllib.TOMLDecodeError:
         return None
 

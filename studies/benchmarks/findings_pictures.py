@@ -12,6 +12,7 @@ from explicitfe.app.view.palette import AFTER, BEFORE, BONE, BONE_EDGE, GREY, GR
 from explicitfe.fem.mesh.hexmesh import HexMesh
 from explicitfe.results.measure.sections import X, Y, Z, cut_surface, midsagittal
 from explicitfe.simulate.anatomy import catalogue
+from explicitfe.simulate.anatomy.bones import jaw_motion
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -104,6 +105,10 @@ def _side_view(axes: Axes, answer: Answer) -> None:
     mesh, u = mesh_of(answer.case), answer.arrays["displacement"]
     for name, shape in catalogue.bones("tongue").items():
         points = shape.surface.points
+        moves = jaw_motion(answer.case.scenario(Path())) if name == "jaw" else None
+        if moves is not None:
+            rotation, shift = moves.placement(np.array([1e-3 * answer.case.duration_ms]))
+            points = points @ rotation[0].T + shift[0]
         outline = 1e3 * cut_surface(shape.surface.triangles, points[:, Y]).outline(points)
         there = name in answer.case.bones
         loops = np.split(outline, np.flatnonzero(np.isnan(outline[:, X])))

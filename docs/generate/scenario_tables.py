@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
+from itertools import product
 from pathlib import Path
 
 from explicitfe.app.verify import gerard
@@ -65,6 +66,16 @@ def formants() -> str:
     return table(["scenario", "lips", "F1, F2, F3 in Hz", "narrowest section, mm²"], rows)
 
 
+def findings(work: Workshop) -> str:
+    """Gestures of Gérard et al. (2005) at all probes and on both tissues, with the statements that are not met."""
+    rows = []
+    for gesture, tissue in product(gerard.GESTURES, [gerard.Findings(work, tissue) for tissue in gerard.TISSUES]):
+        points = [", ".join(f"{mm:+z.1f}" for mm in tissue.displacement_mm(gesture, point)) for point in gerard.POINTS]
+        cells = [*points, f"{tissue.groove_mm(gesture):z.1f}", "; ".join(tissue.unmet(gesture))]
+        rows.append([gesture, tissue.tissue, *(cell.replace("-", "−") for cell in cells)])
+    return table(["gesture", "tissue", *gerard.POINTS, "groove", "not met"], rows)
+
+
 TABLES: dict[str, tuple[str, Callable[[], str]]] = {
     "functions": ("docs/reference/tongue.md", functions),
     "formants": ("docs/reference/airway.md", formants),
@@ -88,7 +99,7 @@ def main() -> None:
     for name, (page, make) in TABLES.items():
         write(name, page, make())
     with tempfile.TemporaryDirectory() as folder:
-        write("gerard-2005", "docs/reference/tongue.md", gerard.markdown_table(Workshop(Path(folder))))
+        write("gerard-2005", "docs/reference/tongue.md", findings(Workshop(Path(folder))))
 
 
 if __name__ == "__main__":

@@ -36,6 +36,7 @@ from explicitfe.fem.mesh.hexmesh import HexMesh
 from explicitfe.fem.mesh.quality import edge_lengths, volumes
 from explicitfe.fem.mesh.validity import certify
 from explicitfe.results.files import Result
+from explicitfe.results.files.differing_keys import WORDS
 from explicitfe.results.measure.shape import grooves, highest_point
 from explicitfe.simulate.anatomy import catalogue
 from explicitfe.simulate.anatomy.specimen import specimen_model
@@ -96,7 +97,8 @@ class Run:
     @property
     def key(self) -> str:
         """Name of the result's file; another scenario gives another name."""
-        return f"{self.gesture}_{'x'.join(map(str, self.cells))}_{digest(self.path.read_text(), self.settings)}"
+        scenario, _ = read_scenario(self.path, self.settings)
+        return f"{self.gesture}_{'x'.join(map(str, self.cells))}_{digest(scenario.model_dump(mode='json', exclude=set(WORDS)))}"
 
     @property
     def mesh(self) -> HexMesh:

@@ -317,7 +317,7 @@ def test_sections_under_a_dome_over_a_flat_tongue():
     for degrees in (-40.0, -20.0, 0.0, 10.0, 35.0):
         lean = np.radians(degrees)
         place = float(np.interp(centre[0] + radius * np.sin(lean), line.points[:, 0], line.length))
-        answer = tract.tract_section(line, palate, tongue, 0.0, place)
+        answer = tract.section_between(tract.columns(tract.section_plane(line, place), palate, tongue, 0.0), place)
         # The plane across the midline contains the centre: the section is half a disc, and down to the tongue a strip between
         # the crests at |y| = R.
         strip = below / np.cos(lean)

@@ -21,7 +21,7 @@ from explicitfe.inverse.measured.course import bends, course_of
 from explicitfe.inverse.measured.read import read_dataset
 from explicitfe.inverse.predict.experiment import effects_of, experiments
 from explicitfe.inverse.predict.predict import predict_test
-from explicitfe.inverse.predict.tissue import EVERY, Constants, Numerics, Tissue, parse_tissue, read_tissue, write_tissue
+from explicitfe.inverse.predict.tissue import EVERY, Constants, Numerics, Tissue, parse_tissue, read_tissue
 from explicitfe.platform.errors import InputError, RunError
 from explicitfe.results.documents.prediction import Prediction
 
@@ -412,7 +412,7 @@ def test_a_model_file_comes_back_exactly(tmp_path):
         numerics = { refinement = 0.3, density = 2, tolerance = 3.3333333333333333e-5 }
         """
     )
-    write_tissue(tissue, tmp_path / "model.toml")
+    (tmp_path / "model.toml").write_text(tissue.text, encoding="utf-8")
     assert read_tissue(tmp_path / "model.toml") == tissue
     assert read_tissue(tmp_path / "model.toml").text == tissue.text
 

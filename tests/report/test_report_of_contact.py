@@ -149,6 +149,8 @@ def test_expected_numbers_stand_next_to_those_of_the_run(tmp_path: Path) -> None
         assert f'<td class="n">500</td><td class="n">{f1_hz:.0f}</td>' in text
         assert '<td>tip sideways (mm)</td><td class="n">10</td><td class="n">0.00</td><td class="n">–</td>' in text
     assert "Expected result" not in page("muscle.SL.force_N=0.1")
+    scenario.write_text(scenario.read_text().replace("time_ms = 10", "time_ms = 90"))
+    assert '90</td><td class="n">1.00</td></tr>' in page()  # the run has no such time
 
 
 def test_texts_of_a_scenario_are_paragraphs(tmp_path: Path) -> None:

@@ -203,7 +203,7 @@ def test_the_bound_of_the_nodes_is_a_bound(element, record_property):
         watch = simulation.lookers[0].watch
         watch[WAIT] = 0.0
         simulation.go(1, 1e-9 * limit, looking=AUTOMATIC_STEP)
-        ratios.append(2.0 / np.sqrt(simulation.node_bounds().max()) / limit)
+        ratios.append(2.0 / np.sqrt(simulation._looks.bound[:, 0].max()) / limit)
     record_property("bound / limit", [float(r) for r in ratios])
     assert ratios[0] < 1.01
     assert max(ratios) < 1.1

@@ -10,6 +10,8 @@ from typing import Literal
 from explicitfe.platform.errors import RunError
 from explicitfe.platform.host import shipped
 from explicitfe.results.documents.run_summary import RunSummary
+from explicitfe.results.measure.document import Measures
+from explicitfe.results.measure.measure import measure
 from explicitfe.simulate.run.run import run
 
 Evidence = Literal["closed form", "other program", "published", "measured data", "own data"]
@@ -58,6 +60,10 @@ class Workshop:
             raise RunError(f"{scenario}: {summary['message']}")
         return summary
 
+    def measures(self, scenario: str, *settings: str, formants: bool = False) -> Measures:
+        """Measures at the end of such a run."""
+        return measure(Path(self.run(scenario, *settings)["result"]), formants=formants)
+
 
 @dataclass(frozen=True)
 class Claim:
@@ -81,8 +87,8 @@ class Claim:
     reference: str
     source: str
     allowed: float
-    unit: str
     because: str
     fails: str
     figure: Callable[[Workshop], ClaimFigure]
     seconds: float
+    unit: str = ""

@@ -11,12 +11,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import product
-from pathlib import Path
 
 from explicitfe.app.verify.claim import ClaimFigure, Workshop
 from explicitfe.results.measure.document import Measures
-from explicitfe.results.measure.measure import measure
 
 TISSUES = {"living": "buchaillard-2009", "cadaver": "gerard-2005"}
 POINTS = ("tip", "blade", "front", "dorsum", "back")
@@ -42,13 +39,7 @@ HIGH_MM = 1.0
 
 @dataclass(frozen=True)
 class Findings:
-    """The gestures on one tissue, computed where they are needed.
-
-    Attributes
-    ----------
-    work : runs the scenarios.
-    tissue : "living" or "cadaver".
-    """
+    """The gestures on one tissue, "living" or "cadaver"."""
 
     work: Workshop
     tissue: str
@@ -57,7 +48,7 @@ class Findings:
     def measures(self) -> dict[str, Measures]:
         """Gesture -> its measures at the end."""
         material = f"model.material={TISSUES[self.tissue]}"
-        return {name: measure(Path(self.work.run(*run, material)["result"])) for name, run in GESTURES.items()}
+        return {name: self.work.measures(*run, material) for name, run in GESTURES.items()}
 
     def displacement_mm(self, gesture: str, point: str) -> tuple[float, float]:
         """Forward and up."""
@@ -97,17 +88,6 @@ class Findings:
     def unmet(self, gesture: str) -> list[str]:
         """Statements on a gesture that are not met, with their figures [mm]."""
         return [f"{what} {figure:+z.1f}" for what, figure, met in self.criteria(gesture) if not met]
-
-
-def markdown_table(work: Workshop) -> str:
-    """The table of docs/reference/tongue.md: displacements as forward, up, grooves, and what is not met."""
-    lines = [f"| gesture | tissue | {' | '.join(POINTS)} | groove | not met |", f"|{'---|' * (len(POINTS) + 4)}"]
-    both = [Findings(work, tissue) for tissue in TISSUES]
-    for gesture, findings in product(GESTURES, both):
-        points = [", ".join(f"{mm:+z.1f}" for mm in findings.displacement_mm(gesture, point)) for point in POINTS]
-        numbers = [*points, f"{findings.groove_mm(gesture):z.1f}", "; ".join(findings.unmet(gesture))]
-        lines.append(f"| {gesture} | {findings.tissue} | {' | '.join(numbers).replace('-', '−')} |")
-    return "\n".join(lines) + "\n"
 
 
 def vowel_i(work: Workshop) -> ClaimFigure:

@@ -12,7 +12,6 @@ from explicitfe.platform.errors import RunError
 from explicitfe.results.acoustics.formants import Tube, formants
 from explicitfe.results.acoustics.losses import LOSSLESS, SPEED_OF_SOUND_M_S
 from explicitfe.results.files import open_result
-from explicitfe.results.measure.document import Measures
 from explicitfe.results.measure.measure import measure
 
 # Areas in cm2 from the glottis to the lips, every 5 mm, of three Russian vowels after X-ray pictures of one speaker (Fant 1960),
@@ -66,7 +65,7 @@ def muscles(work: Workshop) -> ClaimFigure:
     """Number of muscles that move the tongue in another direction than anatomy textbooks state."""
     wrong = []
     for scenario, (point, should, holds) in MUSCLES.items():
-        moved = _measured(work, scenario).points[point]
+        moved = work.measures(scenario, COARSE).points[point]
         if not holds((moved.forward_mm, moved.up_mm)):
             wrong.append(f"{scenario.partition('-')[0].upper()} does not move the {point} {should}")
     right = len(MUSCLES) - len(wrong)
@@ -114,7 +113,7 @@ def _formants_of_vowels(work: Workshop) -> dict[str, list[float]]:
     """F1 and F2 [Hz] of each vowel."""
     ours = {}
     for vowel, scenario in VOWELS.items():
-        airway = _measured(work, scenario, with_formants=True).airway
+        airway = work.measures(scenario, COARSE, formants=True).airway
         if airway is None or len(airway.formants) < 2:
             raise RunError(f"{scenario}: no formants could be computed.")
         ours[vowel] = [formant.frequency_hz for formant in airway.formants[:2]]
@@ -123,7 +122,3 @@ def _formants_of_vowels(work: Workshop) -> dict[str, list[float]]:
 
 def _text_of(formants_hz: dict[str, list[float]]) -> str:
     return ", ".join(f"[{vowel}] {first:.0f} {second:.0f} Hz" for vowel, (first, second) in formants_hz.items())
-
-
-def _measured(work: Workshop, scenario: str, with_formants: bool = False) -> Measures:
-    return measure(Path(work.run(scenario, COARSE)["result"]), formants=with_formants)

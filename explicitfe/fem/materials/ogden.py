@@ -54,10 +54,5 @@ class Ogden(Law):
         pairs = ((self.mu1_Pa, self.alpha1), (self.mu2_Pa, self.alpha2), (self.mu3_Pa, self.alpha3))
         return [(mu, alpha) for mu, alpha in pairs if mu > 0.0]
 
-    def isochoric_energy(self, stretch: np.ndarray) -> np.ndarray:
-        """W_iso (n,) Pa at isochoric principal stretches (3, n), real or complex."""
-        terms = [2.0 * mu / alpha**2 * ((stretch**alpha).sum(axis=0) - 3.0) for mu, alpha in self.terms]
-        return np.sum(terms, axis=0)
-
     def stretch_derivative(self, stretch: np.ndarray) -> np.ndarray:
         return np.sum([2.0 * mu / alpha * stretch**alpha for mu, alpha in self.terms], axis=0)

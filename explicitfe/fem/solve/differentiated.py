@@ -11,7 +11,7 @@ import numpy as np
 from explicitfe.fem.forces import internal, response
 from explicitfe.fem.forces.response import Layout
 from explicitfe.fem.materials import first_invariant, law_of
-from explicitfe.fem.mesh.hexmesh import MaterialPoints, shape_functions
+from explicitfe.fem.mesh.hexmesh import shape_functions
 from explicitfe.fem.model.model import Model
 from explicitfe.fem.solve.directions import CENTRAL, Direction, inputs_of
 from explicitfe.fem.solve.kernels import ELEMENTS, Kernels, kernels_of
@@ -95,10 +95,6 @@ class Differentiated(Simulation):
         """Derivatives of the displacements by each direction at the present time, (directions, n, 3), m per unit."""
         lanes = np.moveaxis(self.tangents.u, 3, 1).reshape(-1, *self.tangents.u.shape[1:3])
         return lanes[: len(self.directions), self._place]
-
-    def change_at(self, points: MaterialPoints) -> np.ndarray:
-        """Derivatives of the displacement of points by each direction, (directions, points, 3), m per unit."""
-        return np.array([self.model.mesh.at(points, change) for change in self.displacement_changes])
 
     def _for_all_parts(self, addresses: Addresses = NO_ADDRESSES) -> SharedWithTangents:
         return SharedWithTangents._make((*super()._for_all_parts(addresses), self.tangents))

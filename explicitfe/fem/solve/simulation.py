@@ -170,10 +170,6 @@ class Simulation(Body):
         lanes = lanes[lanes < len(self.hexes)]
         return self._fastest(lanes, self.blocks.each(lambda array: array[np.sort(places)]))[1]
 
-    def node_bounds(self) -> np.ndarray:
-        """Upper bound of the squared highest frequency at each node at the last scan, (n,), 1/s^2; see ``look.py``."""
-        return self._looks.bound[self._place, 0]
-
     def _fastest(self, elements: np.ndarray, blocks: Blocks) -> tuple[float, int]:
         """``stable_bound`` for some elements, in computing order, and their blocks."""
         volumes = self.volumes[elements]

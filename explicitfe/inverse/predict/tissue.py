@@ -195,16 +195,3 @@ def parse_tissue(text: str, name: str = "model") -> Tissue:
         return validated(Tissue, data)
     except ValidationError as error:
         raise InputError(f"{name}: {explain(error, data, Tissue).replace('the scenario', 'the model')}") from None
-
-
-def write_tissue(tissue: Tissue, path: Path | str) -> None:
-    """Write a tissue's model file.
-
-    Raises
-    ------
-    InputError : the place cannot be written.
-    """
-    try:
-        Path(path).write_text(tissue.text, encoding="utf-8")
-    except OSError as error:
-        raise InputError(f"{path}: this cannot be written ({error.strerror}).") from None

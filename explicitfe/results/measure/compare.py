@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -14,6 +14,7 @@ from pydantic import JsonValue
 from explicitfe.fem.mesh.hexmesh import HexMesh, MaterialPoints
 from explicitfe.fem.mesh.muscle_lines import points_of_mesh
 from explicitfe.platform.errors import InputError, Progress, silent
+from explicitfe.platform.host.nested import leaves
 from explicitfe.results.documents.run_summary import kind_of
 from explicitfe.results.files import Result, open_result
 from explicitfe.results.files.differing_keys import differing_keys
@@ -333,21 +334,7 @@ def _measures(a: Result, b: Result, steps: Instants) -> list[DifferingMeasure]:
 def _measured(result: Result, step: int) -> dict[str, JsonValue]:
     """Single values of the measures at a step, by their keys."""
     document = measures_of(result, step).document
-    return dict(_leaves({key: value for key, value in document.items() if key not in NOT_COMPARED_MEASURES}))
-
-
-def _leaves(value: Any, key: str = "") -> Iterator[tuple[str, Any]]:
-    """Values of nested tables and lists, by their keys."""
-    inner: Sequence[tuple[Any, Any]]
-    if isinstance(value, dict):
-        inner = list(value.items())
-    elif isinstance(value, list):
-        inner = list(enumerate(value))
-    else:
-        yield key, value
-        return
-    for name, entry in inner:
-        yield from _leaves(entry, f"{key}.{name}" if key else str(name))
+    return dict(leaves({key: value for key, value in document.items() if key not in NOT_COMPARED_MEASURES}))
 
 
 def _keys(differing: dict[str, list[Any]]) -> list[DifferingKey]:

@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from pydantic import BaseModel
-
+from explicitfe.platform.host.nested import leaves
 from explicitfe.results.documents.run_summary import kind_of
 from explicitfe.results.files import Result
-from explicitfe.results.measure.document import FormantFigures
+from explicitfe.results.measure.document import Airway
 from explicitfe.results.measure.measure import measures_of
 from explicitfe.results.measure.steps import step_at
 
@@ -17,15 +16,12 @@ Number = float | int | bool | None
 
 
 def flat(value: object, name: str = "") -> dict[str, Number]:
-    """The numbers of nested tables under dotted names, formants as ``F1_hz`` and so on; other lists and texts are omitted."""
-    if isinstance(value, list) and value and all(isinstance(part, FormantFigures) for part in value):
-        value = {f"F{k}_hz": part.frequency_hz for k, part in enumerate(value, 1)}
-    elif isinstance(value, BaseModel):
-        value = {key: getattr(value, key) for key in type(value).model_fields}
-    if isinstance(value, Mapping):
-        before = f"{name}." if name else ""
-        return {key: number for inner, part in value.items() for key, number in flat(part, f"{before}{inner}").items()}
-    return {name: value} if value is None or isinstance(value, (bool, int, float)) else {}
+    """The numbers of measures under dotted names, formants as ``F1_hz`` and so on; other lists and texts are omitted."""
+    numbers = {key: number for key, number in leaves(value, name, with_lists=False) if isinstance(number, Number)}
+    airway = value if isinstance(value, Airway) else getattr(value, "airway", None)
+    for k, formant in enumerate(airway.formants if isinstance(airway, Airway) else (), 1):
+        numbers[f"{name or 'airway'}.formants.F{k}_hz"] = formant.frequency_hz
+    return numbers
 
 
 def numbers_of_curve(curve: Sequence[Mapping[str, Any]]) -> dict[str, Number]:

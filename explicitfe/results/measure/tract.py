@@ -106,7 +106,7 @@ def constriction(mesh: HexMesh, displacement: np.ndarray, palate_rest: np.ndarra
         return None
     above = roofs(line, palate_now, plane)
     cuts = _in_sections(tongue, [cut for _, cut, _ in above], plane)
-    sections = [_section_between(_between(over, lines), place) for (place, _, over), lines in zip(above, cuts, strict=True)]
+    sections = [section_between(_between(over, lines), place) for (place, _, over), lines in zip(above, cuts, strict=True)]
     channels = [(each.channel_mm2, each.place_mm) for each in sections if each.channel_mm2 is not None]
     area, place = min(channels, default=(None, None))
     return Constriction(
@@ -228,12 +228,7 @@ def _between(above: Roof, tongue: np.ndarray) -> Column:
     return Column(y, underside, top, inside & np.isfinite(underside))
 
 
-def tract_section(line: MidlineCurve, palate: np.ndarray, tongue: np.ndarray, plane: float, place: float) -> TractSection:
-    """The air in the section across the midline at ``place``."""
-    return _section_between(columns(section_plane(line, place), palate, tongue, plane), place)
-
-
-def _section_between(section: Column, place: float) -> TractSection:
+def section_between(section: Column, place: float) -> TractSection:
     gap = np.where(section.inside, section.tongue - section.palate, 0.0)
     centre = np.abs(section.y) < COLUMN_WIDTH_M
     if not section.inside[centre].all() or not len(gap):

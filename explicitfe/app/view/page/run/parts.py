@@ -20,6 +20,7 @@ from explicitfe.app.view.page.run.checks import Checks, checks_of
 from explicitfe.app.view.page.run.playback import frame_count, playback
 from explicitfe.app.view.page.tables import PageTable, table
 from explicitfe.app.view.page.words import DASH, bare, finite, motion_at_end, number, paragraphs, percent, speed
+from explicitfe.platform.errors import InputError
 from explicitfe.platform.host import shipped
 from explicitfe.results.documents.run_summary import kind_of
 from explicitfe.results.documents.units_of_keys import terms_of, words_and_unit
@@ -91,7 +92,7 @@ def run_on_page(result: Result, last: int, label: str, charts: list[Chart], shar
         playback=playback(result, last, share),
         frames=frame_count(result, last, share),
         stored=len(result.times),
-        provenance={key: str(value) for key, value in result.provenance.items() if value is not None},
+        provenance={key.replace("_", " "): str(value) for key, value in result.provenance.items() if value is not None},
         scenario=result.scenario_text,
         commands=list(_commands(result)),
         is_tongue=kind_of(result.model) == "transient",
@@ -113,17 +114,10 @@ def _value(value: JsonValue) -> str:
     return text if len(text) <= LONGEST_VALUE_CHARACTERS else f"{text[: LONGEST_VALUE_CHARACTERS - 1]}…"
 
 
-def facts_table(runs: Sequence[RunOnPage]) -> PageTable | None:
-    """The facts of all runs, one column per result."""
-    names = list(dict.fromkeys(name for run in runs for name in run.facts))
-    rows = [(name, *(run.facts.get(name, "") for run in runs)) for name in names]
-    return table(("", *([run.label for run in runs] if len(runs) > 1 else [""])), rows, "t" * (1 + len(runs)))
-
-
-def provenance_table(runs: Sequence[RunOnPage]) -> PageTable | None:
-    """Versions, commit and machine of each run."""
-    names = list(dict.fromkeys(name for run in runs for name in run.provenance))
-    rows = [(name.replace("_", " "), *(run.provenance.get(name, "") for run in runs)) for name in names]
+def table_of_runs(runs: Sequence[RunOnPage], values: Sequence[Mapping[str, str]]) -> PageTable | None:
+    """The facts or the provenance of all runs, one column per result."""
+    names = list(dict.fromkeys(name for own in values for name in own))
+    rows = [(name, *(own.get(name, "") for own in values)) for name in names]
     return table(("", *([run.label for run in runs] if len(runs) > 1 else [""])), rows, "t" * (1 + len(runs)))
 
 
@@ -220,8 +214,11 @@ def _expectation_table(result: Result, expected: Sequence[Mapping[str, float]]) 
     rows: list[tuple[str, ...]] = []
     for numbers in expected:
         time_ms = numbers.get(TIME)
-        with_formants = any(name.startswith("airway.") for name in numbers)
-        seen = numbers_at(result, None if time_ms is None else 1e-3 * time_ms, with_formants)
+        time_s = None if time_ms is None else 1e-3 * time_ms
+        try:
+            seen = numbers_at(result, time_s, formants=any(name.startswith("airway.") for name in numbers))
+        except InputError:  # no airway, or no such time
+            seen = {}
         for name, value in numbers.items():
             *group, key = name.removeprefix("points.").split(".")
             words, unit = words_and_unit(key)

@@ -13,7 +13,7 @@ from explicitfe.app.view.heading import labels_of
 from explicitfe.app.view.page.frame import page_text
 from explicitfe.app.view.page.page_file import page_file, write_page
 from explicitfe.app.view.page.run.charts import charts_of
-from explicitfe.app.view.page.run.parts import RunOnPage, differences, facts_table, provenance_table, run_on_page
+from explicitfe.app.view.page.run.parts import RunOnPage, differences, run_on_page, table_of_runs
 from explicitfe.app.view.page.tables import PageTable
 from explicitfe.platform.errors import InputError, Progress, silent
 from explicitfe.results.files import Result, open_result
@@ -119,7 +119,7 @@ def _page(results: Sequence[Result], progress: Progress) -> _Page:
         title=runs[0].title if len(runs) == 1 else f"{len(runs)} runs side by side: {', '.join(run.label for run in runs)}",
         runs=runs,
         differing=differing,
-        facts=facts_table(runs),
-        provenance=provenance_table(runs),
+        facts=table_of_runs(runs, [run.facts for run in runs]),
+        provenance=table_of_runs(runs, [run.provenance for run in runs]),
     )
     return _Page(text, runs, differing)

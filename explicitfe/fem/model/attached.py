@@ -12,9 +12,6 @@ from explicitfe.fem.mesh.checked_arrays import index_array, number_array
 from explicitfe.fem.model.profile import Profile
 from explicitfe.platform.errors import InputError
 
-# The string of a hanging weight stretches by this much under it [m]: the string is practically inextensible.
-STRING_STRETCH_M = 5e-5
-
 
 @dataclass(frozen=True)
 class AttachedMass:
@@ -77,7 +74,7 @@ class FollowerLoad:
 
 @dataclass(frozen=True)
 class HangingWeight:
-    """A weight on a practically inextensible string, fixed to nodes; it moves along gravity only.
+    """A weight on an inextensible string, fixed to nodes; it moves along gravity only.
 
     Parameters
     ----------

@@ -9,7 +9,7 @@ import numpy as np
 from explicitfe.fem.forces.turning import axes_of
 from explicitfe.fem.mesh.hexmesh import HexMesh, MaterialPoints, shape_functions
 from explicitfe.fem.mesh.surface_points import projected_areas
-from explicitfe.fem.model.attached import STRING_STRETCH_M, FollowerLoad
+from explicitfe.fem.model.attached import FollowerLoad
 from explicitfe.fem.model.gravity import nodal_mass
 from explicitfe.fem.model.model import FibrePull, Model, NodalLoad
 from explicitfe.fem.model.profile import Profile
@@ -58,12 +58,10 @@ class Loads:
         courses = [*self._profiles, *self._muscles, *self._bones, *self._holders]
         return np.unique(np.concatenate([course.edges_s for course in courses if course is not None] or [np.zeros(0)]))
 
-    def start(self, time_s: float, dt_s: float) -> None:
-        """Half-step start of the hanging weights, which are at rest with slack or tight strings; see ``Simulation.start``."""
+    def start(self, dt_s: float) -> None:
+        """Half-step start of the hanging weights, whose net forces a snapshot has stored; see ``Simulation.start``."""
         weights = self.weights
-        weights.state[:, 0] = 0.0
-        scale = self.activation(np.array([time_s]), dt_s)[weights.profile, 0]
-        weights.state[:, 1] = -0.5 * dt_s * scale * weights.weight / weights.mass
+        weights.state[:, 1] = -0.5 * dt_s * weights.push / weights.mass
 
     def actions(
         self, instants: np.ndarray, tolerance_s: float, bones: Bones, ties: Ties, surfaces: Surfaces, planned: np.ndarray
@@ -167,10 +165,6 @@ class Loads:
         mass = np.array([one.mass_kg for one in weights], dtype=float)
         g = np.array([one.gravity_m_s2 for one in weights], dtype=float).reshape(-1, 3)
         size = np.linalg.norm(g, axis=1)
-        stiffness = mass * size / STRING_STRETCH_M
-        # The damping of a string is half critical for the nodes that it pulls: no rattling, and no shorter step.
-        tissue = nodal_mass(model.mesh, model.material, model.inclusions)
-        held_mass = np.array([one.share @ tissue[one.nodes] / max(one.share @ one.share, 1e-300) for one in weights], dtype=float)
         return Weights(
             start=np.concatenate([[0], np.cumsum([len(one.nodes) for one in weights])]).astype(np.int64),
             node=self._place[np.concatenate([np.zeros(0, dtype=np.int64), *(one.nodes for one in weights)])],
@@ -179,8 +173,6 @@ class Loads:
             mass=mass,
             weight=mass * size,
             slack=np.array([one.slack_m for one in weights], dtype=float),
-            stiffness=stiffness,
-            damping=np.sqrt(stiffness * held_mass),
             profile=np.array([self._row_of(one.profile) for one in weights], dtype=np.int64),
             state=np.zeros((len(weights), 2)),
             push=np.zeros(len(weights)),

@@ -60,7 +60,8 @@ class Simulation(Body):
     ----------
     model : what is computed.
     displacement, velocity : (n, 3) values at time 0, m and m/s; zero if left out.
-    threads : number of threads, 1 to 256; chosen by the size of the mesh if left out. A model with prescribed motion uses one.
+    threads : number of threads, 1 to 256; chosen by the size of the mesh if left out. A model with prescribed motion or hanging
+        weights uses one.
 
     Attributes
     ----------
@@ -106,7 +107,7 @@ class Simulation(Body):
         self._origin_s, self._index = 0.0, 0
         # Every instant of a transient run is accepted: the material's memory is overwritten in place.
         running = self.blocks._replace(new=self.blocks.old)
-        share = 1 if model.motion else threads or usual_threads(len(self.hexes))
+        share = 1 if model.motion or model.weights else threads or usual_threads(len(self.hexes))
         loaded = np.concatenate([self.loads.rows, self.ties.node, self.surfaces.node])
         self.parts = parts_of(self.state, running, share, self.bones.node, loaded)
         self._ledgers = np.zeros((len(self.parts), LEDGER))
@@ -221,7 +222,7 @@ class Simulation(Body):
         acceleration[self.nodes.inverse_mass == 0.0] = 0.0
         # The trapezoidal sums begin at t_0: take off the half of a step that would lead to it.
         before = v - 0.5 * dt_s * acceleration
-        self.loads.start(self.time_s, dt_s)
+        self.loads.start(dt_s)
         self._ledgers[:] = 0.0
         self._ledgers[:, SMALLEST_J], self._ledgers[:, SMALLEST_CORNER] = smallest, nearest
         self._ledgers[0, EXTERNAL_WORK] = -0.5 * dt_s * np.sum(self._external * before)

@@ -19,7 +19,7 @@ from explicitfe.fem.forces.drag import add_drag
 from explicitfe.fem.forces.follower import add_follower_fibres
 from explicitfe.fem.forces.ties import add_ties
 from explicitfe.fem.forces.turning import add_turning_loads
-from explicitfe.fem.forces.weights import add_weights, move_weights
+from explicitfe.fem.forces.weights import move_weights, pull_weights
 from explicitfe.fem.solve.boundary import correct, drive, place
 from explicitfe.platform.compiled.arrays import (
     CONTACT_LOSS,
@@ -85,7 +85,6 @@ def advance(state, part, shared, actions, dt_before, dt, stiffest, most_fall, fi
             add_follower_fibres(external, u, actions.fibres, actions.activation, step)
             add_turning_loads(external, u, actions.turning, actions.activation, step)
             add_drag(external, v, actions.drag)
-            add_weights(external, u, v, actions.weights, actions.activation, step)
             add_ties(external, u, actions.ties, actions.tie_placement, step)
             add_surfaces(external, u, v, actions.surfaces, nodes, gain)
             driven_work, driven_loss = drive(u, v, force, nodes, motion, actions.planned, step, h, alpha, dt_before, dt)
@@ -93,14 +92,15 @@ def advance(state, part, shared, actions, dt_before, dt, stiffest, most_fall, fi
         if part.parts > 1 and asked_to_stop(part.gate):
             done = step
             break
-        if part.number == 0:  # a step that is not taken must not move them
-            move_weights(actions.weights, h, dt)
         for here in range(0, part.lower.size, WIDTH):
             store(force, here, load(force, here) + load(part.lower, here))
         recurrence = Recurrence(keep, gain, 0.5 * dt, 0.5 * dt_before)
         friction_loss, bone_work, _ = rest_on_bones(
             force, part.first, state, external, nodes, bones, placement, step, part.near, part.far, recurrence, shared.unrecorded
         )
+        # a model with weights has one part, which has all forces
+        pull_weights(external, force, u, v, nodes.update, actions.weights, actions.activation, step, keep, gain, h, dt)
+        move_weights(actions.weights, h, dt)
         work = splat(0.0)
         loss = splat(0.0)
         for run in range(len(part.loaded)):
@@ -185,7 +185,6 @@ def snapshot(state, shared, actions, instant, dt, ledger, rows, record, lanes, e
     add_follower_fibres(external, u, actions.fibres, actions.activation, instant)
     add_turning_loads(external, u, actions.turning, actions.activation, instant)
     add_drag(external, v, actions.drag)
-    add_weights(external, u, v, actions.weights, actions.activation, instant)
     tied = add_ties(external, u, actions.ties, actions.tie_placement, instant)
     pressed = add_surfaces(external, u, v, actions.surfaces, nodes, gain)
     rubbed = surfaces_loss(actions.surfaces, v, 0.5 * dt, 0.0)
@@ -198,6 +197,7 @@ def snapshot(state, shared, actions, instant, dt, ledger, rows, record, lanes, e
     friction_loss, bone_work, touching = rest_on_bones(
         resting, first, state, external, nodes, bones, placement, instant, first, len(bones.node), recurrence, record
     )
+    pull_weights(external, resting, u, v, nodes.inverse_mass, actions.weights, actions.activation, instant, keep, gain, dt, dt)
     kinetic = splat(0.0)
     work = splat(0.0)
     loss = splat(0.0)

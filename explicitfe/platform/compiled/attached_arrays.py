@@ -27,8 +27,6 @@ class Weights(NamedTuple):
     mass: np.ndarray  # [kg], (weights,)
     weight: np.ndarray  # at activation 1 [N], (weights,)
     slack: np.ndarray  # [m], (weights,)
-    stiffness: np.ndarray  # of the string [N/m], (weights,)
-    damping: np.ndarray  # of the string [N s/m], (weights,)
     profile: np.ndarray  # row of the activation table, int64, (weights,)
     state: np.ndarray  # displacement [m] and velocity [m/s] of the weight along gravity, (weights, 2)
     push: np.ndarray  # net force at the present instant, weight minus pull of the string [N], (weights,)

@@ -43,4 +43,12 @@ def pushes(body: Simulation) -> tuple[np.ndarray, np.ndarray]:
     surfaces, count = body.surfaces, int(body.surfaces.touches[0])
     point = surfaces.touching[:count]
     corners = surfaces.place[surfaces.face[surfaces.point_face[point]]]
-    return np.einsum("qc,qcx->qx", surfaces.share[point], corners), surfaces.stiff[:count, 0] * surfaces.out[:count, 3]
+    return np.einsum("qc,qcx->qx", surfaces.share[point], corners), push_N(body)
+
+
+def push_N(body: Simulation) -> np.ndarray:
+    """Elastic force on each point that touches a face now, (k,)."""
+    surfaces, count = body.surfaces, int(body.surfaces.touches[0])
+    spring, doubled_m, _ = surfaces.stiff[:count].T
+    depth = surfaces.out[:count, 3]
+    return spring * depth * (1.0 + depth / doubled_m)

@@ -311,7 +311,7 @@ def test_a_k_closes_at_a_velum_that_gives_way(ran):
         middle = np.abs(result.mesh.points[:, Y]) < 1e-9
         most = max(result.field("surface_pressure", time_s=time).max() for time in result.times)
     assert 200.0 < pressed[middle].max() < pressed.max() < 3000.0
-    assert most < 1.1 * pressed.max()  # while it arrives
+    assert most < 1.2 * pressed.max()  # while it arrives
     assert done.measures.constriction.width_mm > 1.0
 
 

@@ -23,5 +23,5 @@ def add_surfaces_stiffness(force, u, here, surfaces):
 
 
 @leaf
-def add_surface_pressure(surfaces, pressure):
+def add_surface_pressure(surfaces, pressure, pairs):
     """No pressure."""

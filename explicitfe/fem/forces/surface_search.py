@@ -3,6 +3,9 @@
 There are three stages: the faces near each face, by cells of a grid; of these the triangles near each point; and, in every step,
 the closest of those triangles. The first two hold until a node has moved by a part of the skin. A face is four triangles around
 its middle, and has two by two Gauss points on each of four pieces.
+
+A point begins to touch a face that it lies no deeper below than it can have moved in the last step. From then on it is held:
+the faces around the one that it touches are searched, at any depth, until it lies outside of them.
 """
 
 from __future__ import annotations
@@ -10,7 +13,7 @@ from __future__ import annotations
 import math
 
 from explicitfe.fem.forces.closest_point import closest_on_triangle
-from explicitfe.platform.compiled.contact_arrays import ALIKE, CELLS, FACES_NEAR, SKIN, TRIANGLES_NEAR
+from explicitfe.platform.compiled.contact_arrays import ALIKE, CELLS, FACES_NEAR, REACH, SKIN, TRIANGLES_NEAR, ZETA
 from explicitfe.platform.compiled.jit import leaf, part_of_kernels
 
 TIE_SHARE = 1e-9  # of a squared distance: triangles that are as near to a point have an edge or a corner in common
@@ -119,10 +122,20 @@ def search(surfaces):
                             near += 1
                         other = chain[other]
         surfaces.near_count[k] = near
-        if near > 0:
+        if near > 0 or holds(surfaces, k):
             surfaces.active[active] = k
             active += 1
     surfaces.active_count[0] = active
+
+
+@leaf
+def holds(surfaces, face):
+    """Whether a point of a face is held."""
+    of_face = len(surfaces.point_face) // len(surfaces.face)
+    held = -1
+    for point in range(face * of_face, (face + 1) * of_face):
+        held = max(held, surfaces.held[point])
+    return held >= 0
 
 
 @leaf
@@ -196,14 +209,19 @@ def look(surfaces, point, close, slack):
     """Note which triangles of the faces that are close a point may touch until a node has moved by half the slack.
 
     Distances change by at most the slack meanwhile. So a point further outside than that touches nothing, and the closest
-    triangle will be one that is no further than twice the slack behind the closest one now.
+    triangle will be one that is no further than twice the slack behind the closest one now. Of a point that is held the faces
+    around the one that it touches count, at any depth. Give whether it waits.
     """
     px, py, pz = position_of(surfaces, point)
     best = math.inf
-    tried = 0
+    tried = first = 0
+    held = surfaces.held[point]
+    if held >= 0:
+        first = surfaces.own_start[held]
+        close = min(surfaces.own_start[held + 1] - first, FACES_NEAR)
     for number in range(close):
-        face = surfaces.close[number]
-        if (
+        face = surfaces.own[first + number] if held >= 0 else surfaces.close[number]
+        if held < 0 and (
             px < surfaces.low[face, 0] - slack or px > surfaces.high[face, 0] + slack
             or py < surfaces.low[face, 1] - slack or py > surfaces.high[face, 1] + slack
             or pz < surfaces.low[face, 2] - slack or pz > surfaces.high[face, 2] + slack
@@ -211,7 +229,7 @@ def look(surfaces, point, close, slack):
             continue
         for corner in range(4):
             distance = math.sqrt(square_to(surfaces, px, py, pz, 4 * face + corner))
-            if distance <= surfaces.deepest[face] + slack:
+            if held >= 0 or distance <= surfaces.deepest[face] + slack:
                 surfaces.trial[tried] = 4 * face + corner
                 surfaces.distance[tried] = distance
                 best = min(best, distance)
@@ -235,9 +253,10 @@ def look(surfaces, point, close, slack):
             count += 1
     surfaces.options[point] = count
     if count == 0 or (best > slack and not touch(surfaces, point, slack) < 0.0):
-        return
+        return False
     surfaces.waiting[surfaces.waiting_count[0]] = point
     surfaces.waiting_count[0] += 1
+    return True
 
 
 @leaf
@@ -258,7 +277,7 @@ def touch(surfaces, point, slack):
     for number in range(surfaces.options[point]):
         face, corner = surfaces.option[point, number] // 4, surfaces.option[point, number] % 4
         mx, my, mz = surfaces.middle[face, 0], surfaces.middle[face, 1], surfaces.middle[face, 2]
-        limit = (surfaces.deepest[face] + slack) ** 2
+        limit = math.inf if surfaces.held[point] >= 0 else (surfaces.deepest[face] + slack) ** 2
         first, second = surfaces.face[face, corner], surfaces.face[face, (corner + 1) % 4]
         ax, ay, az = place[first, 0], place[first, 1], place[first, 2]
         bx, by, bz = place[second, 0], place[second, 1], place[second, 2]
@@ -305,7 +324,10 @@ def touch(surfaces, point, slack):
     surfaces.touched[at] = best_face
     surfaces.weight[at, 0], surfaces.weight[at, 1], surfaces.weight[at, 2], surfaces.weight[at, 3] = w0, w1, w2, w3
     surfaces.out[at, 0], surfaces.out[at, 1], surfaces.out[at, 2], surfaces.out[at, 3] = tx, ty, tz, depth
-    surfaces.stiff[at, 0], surfaces.stiff[at, 1] = surfaces.spring[point], surfaces.damper[point]
+    own = surfaces.point_face[point]
+    spring = min(surfaces.stiffness[own], surfaces.stiffness[best_face]) * surfaces.part[point]
+    surfaces.stiff[at, 0], surfaces.stiff[at, 1] = spring, min(surfaces.growth[own], surfaces.growth[best_face])
+    surfaces.stiff[at, 2] = surfaces.numbers[ZETA] * math.sqrt(spring * surfaces.mass[point])
     return side
 
 
@@ -321,8 +343,10 @@ def look_around(surfaces, slack):
     for number in range(surfaces.active_count[0]):
         touching_face = surfaces.active[number]
         close = find_close(surfaces, touching_face, slack)
-        if close > 0:
-            for point in range(touching_face * of_face, (touching_face + 1) * of_face):
+        for point in range(touching_face * of_face, (touching_face + 1) * of_face):
+            if surfaces.held[point] >= 0 and not look(surfaces, point, close, slack):
+                surfaces.held[point] = -1
+            if surfaces.held[point] < 0 and close > 0:
                 look(surfaces, point, close, slack)
 
 
@@ -355,10 +379,15 @@ def find_touching(surfaces, u):
     energy = 0.0
     for number in range(surfaces.waiting_count[0]):
         point = surfaces.waiting[number]
-        if touch(surfaces, point, 0.0) < 0.0:
-            at = surfaces.touches[0]
-            energy += 0.5 * surfaces.stiff[at, 0] * surfaces.out[at, 3] * surfaces.out[at, 3]
+        inside = touch(surfaces, point, 0.0) < 0.0
+        at = surfaces.touches[0]
+        depth = surfaces.out[at, 3]
+        if inside and (surfaces.held[point] >= 0 or depth <= numbers[REACH]):
+            energy += surfaces.stiff[at, 0] * depth * depth * (0.5 + depth / (3.0 * surfaces.stiff[at, 1]))
+            surfaces.held[point] = surfaces.touched[at]
             surfaces.touches[0] = at + 1
+        else:
+            surfaces.held[point] = -1
     return energy
 
 

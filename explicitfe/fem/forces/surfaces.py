@@ -3,13 +3,14 @@
 A point of a face, with area A, that lies p deep below another face is pushed out along the unit vector e from its place to the
 closest point there, and the corners of that face are pushed back by their shares w of the closest point,
 
-    f = k A p e / 2 - c v_n e - mu N v_t / |v_t|,   f_a = -w_a f,   c = zeta sqrt(k A m / 2),
+    f = k A p (1 + p / p0) e / 2 - c v_n e - mu N v_t / |v_t|,   f_a = -w_a f,   c = zeta sqrt(k A m / 2),
 
-with the velocity v relative to the face. Both sides are searched, so each carries half of the pressure. As the direction to a
-closest point is normal to the surface, or points to an edge, the first term derives from the energy k A p^2 / 4; forces and
-moments of a pair add up to zero. A face is four triangles around its middle, with two by two Gauss points: points at nodes would
-lie on edges, where the closest point may belong to another face. Friction is smoothed as in contact with bones (``bone.py``); it
-and the damper take the velocity before the step.
+with the velocity v relative to the face, and k and p0 the smaller ones of both faces. Both sides are searched, so each carries
+half of the pressure. A point that touches a face does so until it has left that, however deep it is. As the direction to a
+closest point is normal to the surface, or points to an edge, the first term derives from the energy k A (p^2 / 4 + p^3 / (6
+p0)); forces and moments of a pair add up to zero. A face is four triangles around its middle, with two by two Gauss points:
+points at nodes would lie on edges, where the closest point may belong to another face. Friction is smoothed as in contact with
+bones (``bone.py``); it and the damper take the velocity before the step.
 """
 
 from __future__ import annotations
@@ -18,13 +19,12 @@ import math
 
 from explicitfe.fem.forces.bone import CREEP_M_S
 from explicitfe.fem.forces.surface_search import find_touching
-from explicitfe.platform.compiled.contact_arrays import RUBBING
+from explicitfe.platform.compiled.contact_arrays import REACH, RUBBING, SPEED, STIFFER
 from explicitfe.platform.compiled.jit import leaf, part_of_kernels
 
-DAMPING_RATIO = 0.2  # zeta, of two equal surfaces that press on each other
-# A damper that takes the velocity before the step shortens the stable step to sqrt(1 + zeta^2) - zeta of that without it
-# (Belytschko et al. 2014, section 6.2.3), as if the spring were stiffer by the inverse square of that.
-STIFFER = 1.0 / (math.sqrt(1.0 + DAMPING_RATIO**2) - DAMPING_RATIO) ** 2
+# A point that begins to touch lies no deeper than two nodes move towards each other in the last step, whose length may have been
+# up to twice that of this one.
+ENTRY_STEPS = 4.0
 
 
 @leaf
@@ -73,6 +73,14 @@ def mobility_of(surfaces, at, nodes):
     return mobility
 
 
+@leaf
+def note_depths(surfaces):
+    """Note the deepest point of each pair of bodies, if it is deeper than before."""
+    for at in range(surfaces.touches[0]):
+        a, b = surfaces.body[surfaces.point_face[surfaces.touching[at]]], surfaces.body[surfaces.touched[at]]
+        surfaces.pairs[min(a, b), max(a, b)] = max(surfaces.pairs[min(a, b), max(a, b)], surfaces.out[at, 3])
+
+
 @part_of_kernels
 def add_surfaces(force, u, v, surfaces, nodes, gain):
     """Add the contact forces at displacement u to the node rows; give the elastic energy of the contact [J].
@@ -82,14 +90,20 @@ def add_surfaces(force, u, v, surfaces, nodes, gain):
     v : velocity of the half step before.
     gain : s. What a force over a mass adds to a velocity in this step.
     """
+    square = 0.0
+    for at in range(len(surfaces.node)):
+        row = surfaces.node[at]
+        square = max(square, v[row, 0] * v[row, 0] + v[row, 1] * v[row, 1] + v[row, 2] * v[row, 2])
+    surfaces.numbers[SPEED] = math.sqrt(square)
+    surfaces.numbers[REACH] = ENTRY_STEPS * math.sqrt(square) * gain
     energy = find_touching(surfaces, u)
     friction = surfaces.numbers[RUBBING]
     for at in range(surfaces.touches[0]):
         ex, ey, ez, depth = surfaces.out[at, 0], surfaces.out[at, 1], surfaces.out[at, 2], surfaces.out[at, 3]
-        push = surfaces.stiff[at, 0] * depth
+        push = surfaces.stiff[at, 0] * depth * (1.0 + depth / surfaces.stiff[at, 1])
         x, y, z = relative(surfaces, at, v)
         mobility = gain * mobility_of(surfaces, at, nodes)
-        damper = surfaces.stiff[at, 1]
+        damper = surfaces.stiff[at, 2]
         normal = x * ex + y * ey + z * ez
         brake = max(-damper * normal / (1.0 + 0.5 * mobility * damper), -push)  # it never pulls
         x, y, z = x - normal * ex, y - normal * ey, z - normal * ez
@@ -104,6 +118,7 @@ def add_surfaces(force, u, v, surfaces, nodes, gain):
         surfaces.brake[at, 0], surfaces.brake[at, 1], surfaces.brake[at, 2] = bx, by, bz
         surfaces.brake[at, 3] = bx * (x + normal * ex) + by * (y + normal * ey) + bz * (z + normal * ez)
         add_pair(surfaces, at, force, push * ex + bx, push * ey + by, push * ez + bz)
+    note_depths(surfaces)
     return energy
 
 
@@ -126,20 +141,27 @@ def add_surfaces_stiffness(force, u, here, surfaces):
         x, y, z = relative(surfaces, at, u)
         hx, hy, hz = relative(surfaces, at, here)
         ex, ey, ez = surfaces.out[at, 0], surfaces.out[at, 1], surfaces.out[at, 2]
-        push = -STIFFER * surfaces.stiff[at, 0] * ((x - hx) * ex + (y - hy) * ey + (z - hz) * ez)
+        stiffness = surfaces.stiff[at, 0] * (surfaces.numbers[STIFFER] + 2.0 * surfaces.out[at, 3] / surfaces.stiff[at, 1])
+        push = -stiffness * ((x - hx) * ex + (y - hy) * ey + (z - hz) * ez)
         add_pair(surfaces, at, force, push * ex, push * ey, push * ez)
 
 
 @leaf
-def add_surface_pressure(surfaces, pressure):
-    """Write the pressure at each node into a row of the user's numbering [Pa]; the contact is that of the last search."""
+def add_surface_pressure(surfaces, pressure, pairs):
+    """Write a sample: pressure at each node, in the user's numbering [Pa], and depths of pairs of bodies since the last one."""
     for at in range(len(pressure)):
         pressure[at] = 0.0
     if len(pressure) == 0:
         return
+    for one in range(len(pairs)):
+        for other in range(len(pairs)):
+            pairs[one, other] = surfaces.pairs[one, other]
+            surfaces.pairs[one, other] = 0.0
+    note_depths(surfaces)
     for at in range(surfaces.touches[0]):
         point = surfaces.touching[at]
-        push = surfaces.stiff[at, 0] * surfaces.out[at, 3]
+        depth = surfaces.out[at, 3]
+        push = surfaces.stiff[at, 0] * depth * (1.0 + depth / surfaces.stiff[at, 1])
         for corner in range(4):
             one, other = surfaces.face[surfaces.point_face[point], corner], surfaces.face[surfaces.touched[at], corner]
             pressure[surfaces.user[one]] += push * surfaces.share[point, corner] / surfaces.area[one]

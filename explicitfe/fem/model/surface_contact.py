@@ -14,17 +14,22 @@ class SurfaceContact:
 
     Parameters
     ----------
-    stiffness_Pa_m : pressure over depth [Pa/m]; the same as of contact with bones if left out.
+    stiffness_Pa_m : pressure over depth at first touch [Pa/m]. If left out it follows from the tissue: the smaller one of both
+        sides of ``STIFFNESS_SHARE`` times Young's modulus over the edge of the element.
     friction : coefficient of Coulomb friction.
+    damping : damping ratio of two equal surfaces that press on each other; 0 conserves the energy of an elastic impact.
 
     Raises
     ------
     InputError : a number out of range.
     """
 
-    stiffness_Pa_m: float = 2e7
+    stiffness_Pa_m: float | None = None
     friction: float = 0.0
+    damping: float = 0.2
 
     def __post_init__(self) -> None:
-        number_like("SurfaceContact: stiffness_Pa_m", self.stiffness_Pa_m, Positive, "stiffness_Pa_m")
+        if self.stiffness_Pa_m is not None:
+            number_like("SurfaceContact: stiffness_Pa_m", self.stiffness_Pa_m, Positive, "stiffness_Pa_m")
+        number_like("SurfaceContact: damping", self.damping, NotNegative, "damping")
         number_like("SurfaceContact: friction", self.friction, NotNegative, "friction")

@@ -38,6 +38,7 @@ from explicitfe.platform.compiled.arrays import (
     WAIT,
     BoneRecord,
 )
+from explicitfe.platform.compiled.contact_arrays import FARTHEST, SPEED
 from explicitfe.platform.compiled.jit import leaf
 from explicitfe.platform.compiled.pieces import call_at
 from explicitfe.platform.compiled.threads import asked_to_stop, ticks, wait
@@ -107,7 +108,7 @@ def course(state, part, looks, looker, shared, actions, samples, instant, span, 
                         highest = call_at(
                             addresses.highest_frequency, (state, part, looks, looker, actions, instant, *differencing)
                         )
-                        limit = limit_of(highest, contact_frequency)
+                        limit = min(limit_of(highest, contact_frequency), longest_on_the_way(actions.surfaces.numbers))
                         if thorough or limit >= SURE_SHARE_OF_LIMIT * watch[LIMIT]:
                             break
                         thorough = True
@@ -145,6 +146,12 @@ def course(state, part, looks, looker, shared, actions, samples, instant, span, 
     if part.number == 0:
         looks.spent[IN_ALL] += ticks() - begin
     return instant
+
+
+@leaf
+def longest_on_the_way(numbers):
+    """The longest step [s] in which no node of a surface moves so far that it may pass a face."""
+    return numbers[FARTHEST] / numbers[SPEED] if numbers[SPEED] > 0.0 else math.inf
 
 
 @leaf
@@ -196,7 +203,7 @@ def gather(state, shared, actions, instant, dt, ledgers, samples, number):
         block, at = lane // lanes.shape[2], lane % lanes.shape[2]
         samples.J[number, element] = lanes[0, block, at]
         samples.hourglass[number, element] = lanes[2, block, at]
-    add_surface_pressure(actions.surfaces, samples.pressed[number])
+    add_surface_pressure(actions.surfaces, samples.pressed[number], samples.pairs[number])
     bones = actions.bones
     for bone in range(len(bones.start)):
         for point in range(len(bones.node)):

@@ -130,6 +130,7 @@ class Recording:
             pressure=a.pressure[some],
             contact=a.contact[some],
             pressed=a.pressed[some],
+            pairs=a.pairs[some],
         )
 
     def add(self, time_s: np.ndarray, dt_s: np.ndarray, steps: np.ndarray) -> None:
@@ -157,8 +158,10 @@ class Recording:
         )
 
 
-def samples_of(room: int, nodes: np.ndarray, elements: np.ndarray, touching: np.ndarray, model: Model, state: State) -> Samples:
-    """Arrays for so many samples of a body: rows of its nodes, lanes of its elements, nodes of its contact points."""
+def samples_of(
+    room: int, nodes: np.ndarray, elements: np.ndarray, touching: np.ndarray, bodies: int, model: Model, state: State
+) -> Samples:
+    """Arrays for so many samples: rows of the nodes, lanes of the elements, nodes of the contact points, bodies in contact."""
     n, m, bones = len(nodes), len(elements), len(model.bones)
     return Samples(
         instant=np.zeros(0, dtype=np.int64),
@@ -175,6 +178,7 @@ def samples_of(room: int, nodes: np.ndarray, elements: np.ndarray, touching: np.
         pressure=np.zeros((room, bones, n)),
         contact=np.zeros((room, bones, BONE_SUMS)),
         pressed=np.zeros((room, 0 if model.surfaces is None else n)),
+        pairs=np.zeros((room, bodies, bodies)),
         rows=zeros((2, *state.u.shape)),
         point_pressure=np.zeros((bones, len(touching))),
         lanes=zeros((3, -(-m // WIDTH), WIDTH)),

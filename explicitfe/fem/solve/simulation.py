@@ -17,7 +17,7 @@ from explicitfe.fem.solve.loads import Loads
 from explicitfe.fem.solve.observe import TURNS_LATER, Recording, Snapshot, lookers_of, looks_of, samples_of, shape_numbers
 from explicitfe.fem.solve.parts import parts_of, usual_threads
 from explicitfe.fem.solve.stable_step import fastest_element
-from explicitfe.fem.solve.surfaces import highest_contact, surfaces_of
+from explicitfe.fem.solve.surfaces import bodies_in_contact, highest_contact, restore_contact, state_of_contact, surfaces_of
 from explicitfe.platform.compiled.arrays import (
     CORNER,
     DAMPING_LOSS,
@@ -93,10 +93,11 @@ class Simulation(Body):
         held = np.all(self.nodes.inverse_mass[self._place, :3] == 0.0, axis=1)
         self.bones = bones_of(model.bones, model.mesh, self._place, self.nodal_mass, held)
         self.ties = ties_of(model.attachments, model.mesh, self._place)
-        self.surfaces = surfaces_of(model.surfaces, model.mesh, self._place, self.nodal_mass)
+        self.surfaces = surfaces_of(model, self._place, self.nodal_mass)
         stiffest = self.bones.spring * self.nodes.inverse_mass[self.bones.node].max(axis=1)
-        pressed = highest_contact(self.surfaces, self.nodes.inverse_mass)
+        pressed = highest_contact(self.surfaces, self.state.v, self.nodes.inverse_mass)
         self._contact_frequency = float(np.sqrt(max(stiffest.max(initial=0.0), pressed)))  # of a point on a surface alone [1/s]
+        self.bodies_in_contact = bodies_in_contact(model.mesh, self.surfaces)
         self._external = zeros(self.state.u.shape)
         self._planned = np.zeros((0 if model.motion is None else len(model.motion.nodes), 3))
         self.time_s = 0.0
@@ -303,7 +304,9 @@ class Simulation(Body):
         lane = np.empty(len(self.hexes), dtype=np.int64)
         lane[self.element_order] = np.arange(len(lane))
         touching = np.ascontiguousarray(self.node_order[self.bones.node], dtype=np.int64)
-        return Recording(self.model, samples_of(room, self._place, lane, touching, self.model, self.state))
+        return Recording(
+            self.model, samples_of(room, self._place, lane, touching, len(self.surfaces.pairs), self.model, self.state)
+        )
 
     @property
     def loop_s(self) -> float:
@@ -348,6 +351,7 @@ class Simulation(Body):
             "times": np.array([self.time_s, self.dt_s, self._origin_s]),
             "steps": np.array([self.steps, self._index], dtype=np.int64),
             "weights": self.loads.weights.state.copy(),
+            "surfaces": state_of_contact(self.surfaces),
         }
 
     def restore(self, state: dict[str, np.ndarray]) -> None:
@@ -364,6 +368,7 @@ class Simulation(Body):
         self._ledgers[:] = state["ledgers"]
         self.blocks.old[:] = state["memory"]
         self.loads.weights.state[:] = state.get("weights", self.loads.weights.state)  # older files have none
+        restore_contact(self.surfaces, state.get("surfaces", state_of_contact(self.surfaces)))
         self.time_s, self.dt_s, self._origin_s = (float(x) for x in state["times"])
         self.steps, self._index = (int(x) for x in state["steps"])
         self._activate()

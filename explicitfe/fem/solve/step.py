@@ -33,6 +33,7 @@ from explicitfe.platform.compiled.arrays import (
     SWEEP_ROWS,
     Recurrence,
 )
+from explicitfe.platform.compiled.contact_arrays import FARTHEST, SPEED
 from explicitfe.platform.compiled.pieces import call_at
 from explicitfe.platform.compiled.simd import ROW, WIDTH, load, load_fourth, splat, store, sum_lanes
 from explicitfe.platform.compiled.threads import ask_to_stop, asked_to_stop, wait
@@ -152,7 +153,8 @@ def advance(state, part, shared, actions, dt_before, dt, stiffest, most_fall, fi
         if not (corner >= ledger[SMALLEST_CORNER]):
             ledger[SMALLEST_CORNER] = corner
         sound = smallest > 0.0 and corner > 0.0
-        if not (sound and part.blocks.corner[STIFFEST] <= stiffest and fall <= most_fall * corner):
+        slow = dt * actions.surfaces.numbers[SPEED] <= actions.surfaces.numbers[FARTHEST]
+        if not (sound and slow and part.blocks.corner[STIFFEST] <= stiffest and fall <= most_fall * corner):
             ask_to_stop(part.gate)
             if part.parts == 1:
                 done = step + 1

@@ -37,6 +37,7 @@ from explicitfe.platform.errors import InputError, RunError, shortened
 from explicitfe.platform.host import stopping
 
 FINISHED, INVERTED, UNSTABLE, DIVERGED, INTERRUPTED = "finished", "inverted", "unstable", "diverged", "interrupted"
+CROSSED = "crossed"
 
 TURNS_AT_THE_START = 40  # of the iteration that finds the limit
 SHORTENED_STEP_SHARE = (

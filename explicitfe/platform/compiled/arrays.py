@@ -136,6 +136,7 @@ class Samples(NamedTuple):
     pressure: np.ndarray  # of each bone on each node [Pa], (k, bones, n)
     contact: np.ndarray  # what each bone does, (k, bones, BONE_SUMS)
     pressed: np.ndarray  # pressure of surfaces on each other at each node [Pa], (k, n); (k, 0) without such contact
+    pairs: np.ndarray  # deepest point of each pair of bodies since the sample before [m], (k, bodies, bodies)
     rows: np.ndarray  # velocity, and all forces but the external ones, of the present state: work arrays, (2, N, 4)
     point_pressure: np.ndarray  # on each contact point [Pa]: work array, (bones, points)
     lanes: np.ndarray  # J, strain energy and hourglass energy of each lane: work arrays, (3, B, W)

@@ -7,8 +7,10 @@ from typing import NamedTuple
 import numpy as np
 
 # Entries of ``Surfaces.numbers``: twice how far a node may move before faces near each other are searched again [m]; Coulomb's
-# coefficient; faces whose normals have a larger cosine are skipped, as they are on opposite sides of a wall.
-SKIN, RUBBING, ALIKE, NUMBERS = range(4)
+# coefficient; faces whose normals have a larger cosine are skipped, as they are on opposite sides of a wall; damping ratio;
+# factor by which a damper stiffens contact for the stable step; how far a node may move in a step, so that no face is passed
+# [m]; speed of the fastest node [m/s]; how deep a point that begins to touch a face may have come in the last step [m].
+SKIN, RUBBING, ALIKE, ZETA, STIFFER, FARTHEST, SPEED, REACH, NUMBERS = range(9)
 FACES_NEAR = 64  # faces kept for each face: in a fold of a fine mesh there are two dozen
 TRIANGLES_NEAR = 24  # triangles kept for each point: around a node of a surface there are 6 to 16
 CELLS = 16  # of the search along each direction
@@ -23,14 +25,18 @@ class Surfaces(NamedTuple):
     position: np.ndarray  # its reference position [m], (k, 3)
     face: np.ndarray  # corners of each face, counter-clockwise from outside, numbers among the k nodes, int64, (f, 4)
     across: np.ndarray  # the face on the other side of each edge, -1 for none, and which of its edges that is, int64, (f, 4, 2)
-    deepest: np.ndarray  # how deep a point may lie below each face [m], (f,)
+    deepest: np.ndarray  # how deep a point may lie below each face when it begins to touch it [m], (f,)
+    body: np.ndarray  # body of each face, int64, (f,)
+    stiffness: np.ndarray  # of contact with each face at first touch [Pa/m], (f,)
+    growth: np.ndarray  # depth in each face at which the stiffness has doubled [m], (f,)
     own: np.ndarray  # faces that the points of a face never touch, rising, int64, (entries,)
     own_start: np.ndarray  # first entry of each face, and the end, int64, (f + 1,)
     point_face: np.ndarray  # face of each point, rising, int64, (q,)
     share: np.ndarray  # of the corners of its face in each point, (q, 4)
-    spring: np.ndarray  # half of the contact stiffness of its area [N/m], (q,)
-    damper: np.ndarray  # half critical with its mass [N s/m], (q,)
+    part: np.ndarray  # half of the area of each point [m^2], (q,)
+    mass: np.ndarray  # that moves with each point [kg], (q,)
     numbers: np.ndarray  # (NUMBERS,)
+    held: np.ndarray  # face that each point touches until it has left it, -1 for none, int64, (q,)
     # Work arrays.
     place: np.ndarray  # positions of the nodes now [m], (k, 3)
     seen: np.ndarray  # positions at the last search [m], (k, 3); NaN before the first one
@@ -56,6 +62,7 @@ class Surfaces(NamedTuple):
     touches: np.ndarray  # how many, int64, (1,)
     touched: np.ndarray  # the face that each of them touches, int64, (q,)
     weight: np.ndarray  # of the corners of that face, (q, 4)
-    stiff: np.ndarray  # spring [N/m] and damper [N s/m] of each of them, (q, 2)
+    stiff: np.ndarray  # spring at first touch [N/m], depth at which it has doubled [m], and damper [N s/m], (q, 3)
     out: np.ndarray  # unit vector out of the face, and depth [m], (q, 4)
+    pairs: np.ndarray  # deepest point of each pair of bodies since the last sample [m], (bodies, bodies)
     brake: np.ndarray  # damper and friction force on each of them [N], and its power at the velocity before [W], (q, 4)

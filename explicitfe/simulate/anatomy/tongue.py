@@ -192,7 +192,9 @@ def assemble(scenario: TransientScenario, folder: Path) -> Assembly:
 def _surfaces(scenario: TransientScenario) -> SurfaceContact | None:
     if scenario.contact is None:
         return SurfaceContact() if scenario.body else None
-    return SurfaceContact(PA_M_PER_KPA_MM * scenario.contact.stiffness_kPa_per_mm, scenario.contact.friction)
+    table = scenario.contact
+    stiffness = None if table.stiffness_kPa_per_mm is None else PA_M_PER_KPA_MM * table.stiffness_kPa_per_mm
+    return SurfaceContact(stiffness, table.friction, table.damping)
 
 
 def tongue_model(

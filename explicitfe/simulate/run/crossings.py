@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -11,10 +11,13 @@ from explicitfe.fem.bones.surface import TriangleSurface, depth_inside
 from explicitfe.fem.mesh.hexmesh import HexMesh
 from explicitfe.fem.mesh.surface_points import surface_areas
 from explicitfe.fem.model.model import Bone
-from explicitfe.platform.compiled.arrays import BONE_DEPTH
+from explicitfe.platform.compiled.arrays import BONE_DEPTH, Samples
+from explicitfe.simulate.run.quantities import pairs_of
 
 # The rounding of the tables of the bones. The contact pressures of speech, up to 3 kPa, give a penetration of 0.15 mm.
 CROSSING_WARNING_M = 5e-4
+# Depth of a body in another one, in mean edges of the finer surface, from which a run warns, and from which it is broken off.
+DEPTH_WARNING_EDGES, DEPTH_LIMIT_EDGES = 0.1, 0.5
 
 
 @dataclass(frozen=True)
@@ -40,23 +43,44 @@ class Crossings:
     mesh : of the body.
     bones : the surfaces in contact, of which every sample counts.
     omitted : name -> surface that the scenario omits; the last state alone counts, because its distance is searched for.
-    deepest : bone -> its crossing.
+    bodies : name of each body in contact -> mean edge of its surface, m.
+    deepest : bone, or names of two bodies -> its crossing.
     """
 
     mesh: HexMesh
     bones: tuple[Bone, ...]
     omitted: Mapping[str, TriangleSurface]
+    bodies: Mapping[str, float]
     deepest: dict[str, Crossing] = field(default_factory=dict)
 
-    def add(self, times_s: np.ndarray, displacement: np.ndarray, contact: np.ndarray, pressure: np.ndarray) -> None:
-        """Look at samples: displacements (k, n, 3) m, sums of contact (k, bones, ...) and pressures (k, bones, n) Pa."""
+    def _add_pairs(self, times_s: np.ndarray, depth: np.ndarray) -> str:
+        for a, b, name, edge_m in self._pairs():
+            k = int(np.argmax(depth[:, a, b]))
+            if depth[k, a, b] > self.deepest.get(name, Crossing()).depth_m:
+                self.deepest[name] = Crossing(float(depth[k, a, b]), float(times_s[k]))
+            if depth[k, a, b] > DEPTH_LIMIT_EDGES * edge_m:
+                return (
+                    f"at {1e3 * times_s[k]:.3f} ms the surface of {name} is {1e3 * depth[k, a, b]:.2g} mm deep, more than half "
+                    f"of an edge ({1e3 * edge_m:.2g} mm): the forces or speeds are too large for the tissue; reduce them and "
+                    "check their units."
+                )
+        return ""
+
+    def add(self, times_s: np.ndarray, samples: Samples, count: int) -> str:
+        """Add the first samples; give a sentence if a body has gone through another one or through itself, else "".
+
+        Parameters
+        ----------
+        times_s : (count,) s.
+        """
         for number, bone in enumerate(self.bones):
-            depth = contact[:, number, BONE_DEPTH]
+            depth = samples.contact[:count, number, BONE_DEPTH]
             k = int(np.argmax(depth))
             if depth[k] > self.deepest.get(bone.name, Crossing()).depth_m:
-                node = int(np.argmax(pressure[k, number]))
-                place = self.mesh.points[node] + displacement[k, node]
+                node = int(np.argmax(samples.pressure[k, number]))
+                place = self.mesh.points[node] + samples.displacement[k, node]
                 self.deepest[bone.name] = Crossing(float(depth[k]), float(times_s[k]), place)
+        return self._add_pairs(times_s, samples.pairs[:count])
 
     def restore(self, rows: Mapping[str, np.ndarray]) -> None:
         """Take over what the history of an interrupted run says."""
@@ -64,12 +88,31 @@ class Crossings:
             depth = rows[f"contact_{bone.name}_depth"]
             if len(depth) and depth.max() > 0.0:
                 self.deepest[bone.name] = Crossing(float(depth.max()), float(rows["time"][np.argmax(depth)]))
+        for (_, _, name, _), (_, _, column) in zip(self._pairs(), pairs_of([*self.bodies]), strict=True):
+            depth = rows.get(column, np.zeros(0))
+            if len(depth):
+                self.deepest[name] = Crossing(float(depth.max()), float(rows["time"][np.argmax(depth)]))
+
+    def _pairs(self) -> Iterator[tuple[int, int, str, float]]:
+        """Numbers of each pair of bodies, the pair in words, and the mean edge of the finer one, m."""
+        names, edges_m = [*self.bodies], [*self.bodies.values()]
+        for a, b, _ in pairs_of(names):
+            words = f'"{names[a]}" in itself' if a == b else f'"{names[a]}" and "{names[b]}" in each other'
+            yield a, b, words, min(edges_m[a], edges_m[b])
 
     def warnings(self, displacement: np.ndarray, time_s: float) -> list[str]:
         """Sentences on surfaces that the body has crossed, with its last displacement (n, 3) m."""
         sentences = []
+        for _, _, name, edge_m in self._pairs():
+            one = self.deepest.get(name, Crossing())
+            if one.depth_m > DEPTH_WARNING_EDGES * edge_m:
+                sentences.append(
+                    f"the surface of {name} is up to {1e3 * one.depth_m:.2g} mm deep, at {1e3 * one.time_s:.0f} ms: more than a "
+                    f"tenth of an edge ({1e3 * edge_m:.2g} mm); refine the mesh, raise contact.stiffness_kPa_per_mm, or reduce "
+                    "the forces."
+                )
         for name, one in self.deepest.items():
-            if one.depth_m > CROSSING_WARNING_M:
+            if name in {bone.name for bone in self.bones} and one.depth_m > CROSSING_WARNING_M:
                 sentences.append(
                     f'the body goes {1e3 * one.depth_m:.1f} mm deep into "{name}"{_near(one)} at {1e3 * one.time_s:.0f} ms: the '
                     "forces are too large for the contact springs; reduce them or gravity_m_s2, and check their units."

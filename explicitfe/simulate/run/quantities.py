@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Sequence
 
 from explicitfe.results.files import Quantity
 
@@ -49,9 +49,19 @@ def cell_fields(wanted: Collection[str]) -> dict[str, Quantity]:
     return {name: quantity for name, quantity in _CELL_FIELDS.items() if name in wanted}
 
 
-def history_columns(probes: Iterable[str], bones: Iterable[str], moving: Collection[str]) -> dict[str, Quantity]:
-    """Columns of the history: energies, probes, contact with each bone, and where those bones are that move."""
+def pairs_of(bodies: Sequence[str]) -> list[tuple[int, int, str]]:
+    """Numbers and column of the history of each pair of bodies in contact, a body with itself included."""
+    numbers = [(a, b) for a in range(len(bodies)) for b in range(a, len(bodies))]
+    return [(a, b, f"contact_{bodies[a]}_{bodies[b]}_depth") for a, b in numbers]
+
+
+def history_columns(
+    probes: Iterable[str], bones: Iterable[str], moving: Collection[str], bodies: Sequence[str] = ()
+) -> dict[str, Quantity]:
+    """Columns of the history: energies, probes, contact with each bone and of bodies, and where those bones are that move."""
     columns = dict(_HISTORY)
+    for a, b, name in pairs_of(bodies):
+        columns[name] = Quantity("m", 1, f"deepest point of a surface of {bodies[a]} and {bodies[b]} in the other one")
     for name in probes:
         columns[f"probe_{name}_displacement"] = Quantity("m", 3, f"displacement of {name}")
         columns[f"probe_{name}_velocity"] = Quantity("m/s", 3, f"velocity of {name}")

@@ -16,7 +16,16 @@ from explicitfe.fem.mesh.self_contact import self_penetration
 from explicitfe.fem.solve.ledger import Ledger, rounding_of
 from explicitfe.fem.solve.observe import Recording, Snapshot
 from explicitfe.fem.solve.simulation import Simulation
-from explicitfe.fem.solve.transient import DIVERGED, FINISHED, INTERRUPTED, TURNS_AT_THE_START, Status, Transient, step_share
+from explicitfe.fem.solve.transient import (
+    CROSSED,
+    DIVERGED,
+    FINISHED,
+    INTERRUPTED,
+    TURNS_AT_THE_START,
+    Status,
+    Transient,
+    step_share,
+)
 from explicitfe.platform.compiled.arrays import (
     BARRIER,
     BONE_AREA,
@@ -63,7 +72,7 @@ from explicitfe.simulate.run.crossings import CROSSING_WARNING_M, Crossings
 from explicitfe.simulate.run.machine_code import kernels_of, make_ready
 from explicitfe.simulate.run.notes import balance_notes
 from explicitfe.simulate.run.outlook import check_room, check_steps, warn_of_long_run
-from explicitfe.simulate.run.quantities import SURFACE_PRESSURE, cell_fields, history_columns, point_fields
+from explicitfe.simulate.run.quantities import SURFACE_PRESSURE, cell_fields, history_columns, pairs_of, point_fields
 from explicitfe.simulate.scenario.transient import MuscleTable, TransientScenario
 
 BALANCE_ERROR_LIMIT = 0.1  # above it is no rounding: energy comes from nowhere, as it does when the step is too long
@@ -136,7 +145,8 @@ class TransientAnalysis(Analysis[TransientScenario, Simulation]):
             check_room(target, self._result_bytes(), "take a longer record.every_ms, fewer record.fields or another `out`")
 
         largest_m = 0.0 if begun is None else _largest_stored(begun)
-        crossings = Crossings(self.model.mesh, self.model.bones, self._surfaces_without_contact())
+        omitted = self._surfaces_without_contact()
+        crossings = Crossings(self.model.mesh, self.model.bones, omitted, simulation.bodies_in_contact)
         with self._opened(target, overwrite, expected, begun) as writer:
             compile_s = make_ready(simulation, progress, kernels_of(self.name, self.model.element, self.scenario.effects))
             try:
@@ -157,8 +167,7 @@ class TransientAnalysis(Analysis[TransientScenario, Simulation]):
             threads = len(simulation.parts) if begun is None or begun.state is None else len(begun.state.arrays["ledgers"])
             writer.restart(transient.restart_state(threads) | restart_extras(len(ledger.energies), time.perf_counter() - started))
             stored_at = time.perf_counter()
-            status: Status | None = None
-            begun_at_s, paced = simulation.time_s, False
+            begun_at_s, paced, status = simulation.time_s, False, cast(Status | None, None)
             for recording in transient.recordings(every_s):
                 if not paced and simulation.time_s > begun_at_s:
                     pace = simulation.course_s / (simulation.time_s - begun_at_s)
@@ -172,7 +181,9 @@ class TransientAnalysis(Analysis[TransientScenario, Simulation]):
                     self._store(writer, recording, ledger, count)
                     seen, some = recording.arrays, slice(0, count)
                     largest_m = max(largest_m, largest_displacement(seen.displacement[some]))
-                    crossings.add(recording.time_s[some], seen.displacement[some], seen.contact[some], seen.pressure[some])
+                    if sentence := crossings.add(recording.time_s[some], seen, count):
+                        status = Status(CROSSED, sentence)
+                        break
                 if not imbalance < BALANCE_ERROR_LIMIT:
                     status = _diverged(float(recording.time_s[count - 1]), imbalance)
                     break
@@ -254,7 +265,12 @@ class TransientAnalysis(Analysis[TransientScenario, Simulation]):
             mesh=model.mesh,
             point_fields=point_fields(wanted, bones, surfaces=self.model.surfaces is not None),
             cell_fields=cell_fields(wanted),
-            history=history_columns(model.probes, bones, [bone.name for bone in model.bones if bone.motion is not None]),
+            history=history_columns(
+                model.probes,
+                bones,
+                [bone.name for bone in model.bones if bone.motion is not None],
+                [*simulation.bodies_in_contact],
+            ),
             bones={bone.name: (bone.surface.points, bone.surface.triangles) for bone in model.bones},
             fibres=model.fibres,
         )
@@ -292,6 +308,8 @@ class TransientAnalysis(Analysis[TransientScenario, Simulation]):
             if bone.motion is not None:
                 rotation, shift = bone.motion.placement(times_s)
                 rows[f"bone_{bone.name}_placement"] = np.concatenate([rotation.reshape(count, 9), shift], axis=1)
+        for a, b, column in pairs_of([*self.body.bodies_in_contact]):
+            rows[column] = samples.pairs[some, a, b]
         for name, point in self.model.probes.items():
             rows[f"probe_{name}_displacement"] = mesh.at(point, displacement.transpose(1, 0, 2))[0]
             rows[f"probe_{name}_velocity"] = mesh.at(point, velocity.transpose(1, 0, 2))[0]

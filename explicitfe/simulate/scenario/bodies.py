@@ -70,4 +70,7 @@ class ContactTable(Table):
     """Contact of the free surfaces of bodies with each other, and of each with itself."""
 
     friction: float = Field(default=0.0, ge=0.0, description="Coulomb's coefficient")
-    stiffness_kPa_per_mm: float = Field(default=20.0, gt=0.0, description="pressure over depth; a surface is pushed out by it")
+    stiffness_kPa_per_mm: float | None = Field(
+        default=None, gt=0.0, description="pressure over depth at first touch; by default from Young's modulus and the elements"
+    )
+    damping: float = Field(default=0.2, ge=0.0, description="damping ratio of two equal surfaces that press on each other")

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 from surface_bodies import moved, push_N
 
 from explicitfe.fem.materials.neo_hooke import NeoHooke
@@ -14,7 +15,7 @@ from explicitfe.fem.mesh.hexmesh import HexMesh
 from explicitfe.fem.mesh.joined import join
 from explicitfe.fem.mesh.self_contact import self_penetration
 from explicitfe.fem.model.gravity import gravity_load
-from explicitfe.fem.model.model import Model, NodalLoad
+from explicitfe.fem.model.model import Model, NodalLoad, PrescribedMotion
 from explicitfe.fem.model.profile import Profile
 from explicitfe.fem.model.surface_contact import SurfaceContact
 from explicitfe.fem.solve.simulation import Simulation
@@ -77,6 +78,7 @@ def test_a_collision_keeps_momentum_and_energy(along_m_s: float, share: float) -
 
 
 def test_dampers_and_friction_lose_what_is_missing() -> None:
+    """Momentum and angular momentum are kept to rounding with friction too: the face gets the moment of the depth."""
     mesh = two_blocks()
     velocity = np.zeros((mesh.node_count, 3))
     velocity[mesh.node_sets["upper"]] = [0.1, 0.0, -0.2]
@@ -86,11 +88,47 @@ def test_dampers_and_friction_lose_what_is_missing() -> None:
         transient = Transient(body, 0.03, 2e-5)
         begin = body.snapshot().energies[KINETIC]
         transient.advance_to(0.03)
-        e = body.snapshot().energies
+        now, mass = body.snapshot(), body.nodal_mass[:, None]
+        spin = np.cross(mesh.points + now.displacement, mass * now.velocity).sum(axis=0)
+        at_first = np.cross(mesh.points, mass * velocity).sum(axis=0)
+        assert np.abs(spin - at_first).max() < 1e-12 * np.abs(at_first).max()
+        e = now.energies
         assert abs(e[[INTERNAL, HOURGLASS, KINETIC, IN_CONTACT, BARRIER, RUBBED]].sum() - begin) < 2e-3 * begin
         assert abs(e[EXTERNAL]) < 2e-3 * begin
         lost.append(e[RUBBED])
     assert 0.0 < lost[0] < lost[1]
+
+
+def test_a_mirrored_press_with_friction_is_mirrored() -> None:
+    """A block is pressed 1 mm down and pulled 2 mm along x, so that it sticks and slides: it stays symmetric across y = 0.
+
+    The friction of all points around a node brakes it at once; with that of each point alone a surface that sticks chatters, and
+    rounding grows to 0.01 mm.
+    """
+    lower = moved(box((8, 8, 4), (0.02, 0.02, 0.01)), (-0.01, -0.01, 0.0))
+    upper = moved(box((4, 4, 4), (0.01, 0.01, 0.01)), (-0.005, -0.005, 0.01001))
+    mesh = join({"lower": lower, "upper": upper})
+    top = mesh.node_sets["upper.z1"]
+
+    def motion(times_s: np.ndarray) -> np.ndarray:
+        share = np.clip(times_s / 0.05, 0.0, 1.0)
+        return np.array([2e-3, 0.0, -1e-3]) * (share**2 * (3.0 - 2.0 * share))[:, None, None] * np.ones((1, len(top), 1))
+
+    model = Model(
+        mesh,
+        SOFT,
+        mesh.held("lower.z0"),
+        60.0,
+        motion=PrescribedMotion(top, motion),
+        surfaces=SurfaceContact(friction=0.3),
+    )
+    body = Simulation(model)
+    Transient(body, 0.05).advance_to(0.05)
+    u = body.snapshot().displacement
+    which = np.isin(np.arange(mesh.node_count), mesh.node_sets["upper"])[:, None]
+    distance, mirror = cKDTree(np.hstack([mesh.points, which])).query(np.hstack([mesh.points * [1.0, -1.0, 1.0], which]))
+    assert distance.max() < 1e-9
+    assert np.abs(u - u[mirror] * [1.0, -1.0, 1.0]).max() < 1e-12
 
 
 def test_two_blocks_pressed_together_have_the_pressure_of_the_closed_form() -> None:

@@ -3,12 +3,13 @@
 A node with tributary area A that lies p deep in a bone is pushed out along the gradient g of the signed distance d,
 
     f = A k p (1 + p / p0) g - c v_n n - c_t v_t,   p = -(d + d0) > 0,   n = g / |g|,
-    c = sqrt(k A m),   c_t = c / 20 + mu N / |v_t|,
+    c = 2 zeta sqrt(k A m),   c_t = c / 20 + mu N / |v_t|,
 
-with its velocity v relative to the bone, parts along n and across it. The first term derives from the energy
-k A (p^2 / 2 + p^3 / (3 p0)): contact is soft at first touch, and 20 kPa penetrate four times as deep as 2 kPa instead of ten
-times. The dampers take the mean velocity of the step, so they are stable at every step length and what they lose is counted to
-the last bit; they never pull. Friction (Coulomb, mu > 0) is smoothed: below ``CREEP_M_S`` a body that sticks creeps instead.
+with its velocity v relative to the bone, parts along n and across it, and the damping ratio zeta of the bone. The first term
+derives from the energy k A (p^2 / 2 + p^3 / (3 p0)): contact is soft at first touch, and 20 kPa penetrate four times as deep as
+2 kPa instead of ten times. The dampers take the mean velocity of the step, so they are stable at every step length and what they
+lose is counted to the last bit; they never pull. Friction (Coulomb, mu > 0) is smoothed: below ``CREEP_M_S`` a body that sticks
+creeps instead.
 """
 
 from __future__ import annotations
@@ -280,7 +281,7 @@ def rest_on_bones(force, row, state, external, nodes, bones, placement, instant,
             mobility = max(mobility_x, max(mobility_y, mobility_z))
             nx, ny, nz = gx / size, gy / size, gz / size
             normal = mx * nx + my * ny + mz * nz
-            damper = bones.damper[point]
+            damper = bones.damper[bone, point]
             brake = max(-damper * normal / (1.0 + 0.5 * mobility * damper), -push * size)
             tx, ty, tz = mx - normal * nx, my - normal * ny, mz - normal * nz
             drag = TANGENTIAL_DAMPER_SHARE * damper

@@ -8,9 +8,10 @@ closest point there, and the corners of that face are pushed back by their share
 with the velocity v relative to the face, and k and p0 the smaller ones of both faces. Both sides are searched, so each carries
 half of the pressure. A point that touches a face does so until it has left that, however deep it is. As the direction to a
 closest point is normal to the surface, or points to an edge, the first term derives from the energy k A (p^2 / 4 + p^3 / (6
-p0)); forces and moments of a pair add up to zero. A face is four triangles around its middle, with two by two Gauss points:
-points at nodes would lie on edges, where the closest point may belong to another face. Friction is smoothed as in contact with
-bones (``bone.py``); it and the damper take the velocity before the step.
+p0)). Friction acts where the point is, so that the face also gets its moment about the closest point: forces and moments of a
+pair add up to zero. A face is four triangles around its middle, with two by two Gauss points: points at nodes would lie on edges,
+where the closest point may belong to another face. Friction is smoothed as in contact with bones (``bone.py``); it and the damper
+take the velocity before the step.
 """
 
 from __future__ import annotations
@@ -61,16 +62,88 @@ def add_pair(surfaces, at, force, x, y, z):
 
 
 @leaf
+def moment_on(surfaces, at, values):
+    """Sum of arms, from the middle of the face below a point that touches, times what node rows say of its corners."""
+    mx = my = mz = 0.0
+    for corner in range(4):
+        x, y, z = arm(surfaces, at, corner)
+        row = surfaces.node[surfaces.face[surfaces.touched[at], corner]]
+        fx, fy, fz = values[row, 0], values[row, 1], values[row, 2]
+        mx, my, mz = mx + y * fz - z * fy, my + z * fx - x * fz, mz + x * fy - y * fx
+    return mx, my, mz
+
+
+@leaf
+def arm(surfaces, at, corner):
+    """From the middle of the face below a point that touches to one of its corners [m]."""
+    face = surfaces.touched[at]
+    one = surfaces.face[face, corner]
+    x, y, z = surfaces.place[one, 0], surfaces.place[one, 1], surfaces.place[one, 2]
+    for k in range(4):
+        other = surfaces.face[face, k]
+        x -= 0.25 * surfaces.place[other, 0]
+        y -= 0.25 * surfaces.place[other, 1]
+        z -= 0.25 * surfaces.place[other, 2]
+    return x, y, z
+
+
+@leaf
+def turn_for(surfaces, at, mx, my, mz):
+    """Vector a of which a x arm, over the corners of the face below a point that touches, has this moment [1/m^2 of it]."""
+    xx = yy = zz = xy = xz = yz = 0.0
+    for corner in range(4):
+        x, y, z = arm(surfaces, at, corner)
+        xx, yy, zz = xx + y * y + z * z, yy + x * x + z * z, zz + x * x + y * y
+        xy, xz, yz = xy - x * y, xz - x * z, yz - y * z
+    axx, axy, axz = yy * zz - yz * yz, xz * yz - xy * zz, xy * yz - xz * yy
+    ayy, ayz, azz = xx * zz - xz * xz, xy * xz - xx * yz, xx * yy - xy * xy
+    scale = 1.0 / (xx * axx + xy * axy + xz * axz)
+    return (
+        scale * (axx * mx + axy * my + axz * mz),
+        scale * (axy * mx + ayy * my + ayz * mz),
+        scale * (axz * mx + ayz * my + azz * mz),
+    )
+
+
+@leaf
+def sliding(surfaces, at, v):
+    """Velocity of a point that touches less that of the face below where the point is: the face turns, and the point is deep."""
+    x, y, z = relative(surfaces, at, v)
+    if surfaces.numbers[RUBBING] > 0.0:
+        mx, my, mz = moment_on(surfaces, at, v)
+        wx, wy, wz = turn_for(surfaces, at, mx, my, mz)
+        ex, ey, ez, depth = surfaces.out[at, 0], surfaces.out[at, 1], surfaces.out[at, 2], surfaces.out[at, 3]
+        x, y, z = x + depth * (wy * ez - wz * ey), y + depth * (wz * ex - wx * ez), z + depth * (wx * ey - wy * ex)
+    return x, y, z
+
+
+@leaf
+def add_couple(surfaces, at, force, x, y, z):
+    """Add to the corners of the face below a point that touches the moment of its friction force about the closest point."""
+    ex, ey, ez, depth = surfaces.out[at, 0], surfaces.out[at, 1], surfaces.out[at, 2], surfaces.out[at, 3]
+    ax, ay, az = turn_for(surfaces, at, depth * (ey * z - ez * y), depth * (ez * x - ex * z), depth * (ex * y - ey * x))
+    for corner in range(4):
+        rx, ry, rz = arm(surfaces, at, corner)
+        row = surfaces.node[surfaces.face[surfaces.touched[at], corner]]
+        force[row, 0] += ay * rz - az * ry
+        force[row, 1] += az * rx - ax * rz
+        force[row, 2] += ax * ry - ay * rx
+
+
+@leaf
 def mobility_of(surfaces, at, nodes):
-    """Relative acceleration of a point that touches and the face below it over a force between them [1/kg]."""
+    """Relative acceleration of a point that touches and the face below it over a force between them [1/kg].
+
+    The points around it have the same pressure: with the force of one point alone those on one node would brake it many times,
+    and a surface that sticks would chatter.
+    """
     point = surfaces.touching[at]
     mobility = 0.0
     for corner in range(4):
-        one = surfaces.node[surfaces.face[surfaces.point_face[point], corner]]
-        other = surfaces.node[surfaces.face[surfaces.touched[at], corner]]
-        mobility += surfaces.share[point, corner] ** 2 * nodes.inverse_mass[one, 0]
-        mobility += surfaces.weight[at, corner] ** 2 * nodes.inverse_mass[other, 0]
-    return mobility
+        one, other = surfaces.face[surfaces.point_face[point], corner], surfaces.face[surfaces.touched[at], corner]
+        mobility += surfaces.share[point, corner] * surfaces.area[one] * nodes.inverse_mass[surfaces.node[one], 0]
+        mobility += surfaces.weight[at, corner] * surfaces.area[other] * nodes.inverse_mass[surfaces.node[other], 0]
+    return mobility / surfaces.part[point]
 
 
 @leaf
@@ -101,7 +174,7 @@ def add_surfaces(force, u, v, surfaces, nodes, gain):
     for at in range(surfaces.touches[0]):
         ex, ey, ez, depth = surfaces.out[at, 0], surfaces.out[at, 1], surfaces.out[at, 2], surfaces.out[at, 3]
         push = surfaces.stiff[at, 0] * depth * (1.0 + depth / surfaces.stiff[at, 1])
-        x, y, z = relative(surfaces, at, v)
+        x, y, z = sliding(surfaces, at, v)
         mobility = gain * mobility_of(surfaces, at, nodes)
         damper = surfaces.stiff[at, 2]
         normal = x * ex + y * ey + z * ez
@@ -114,6 +187,7 @@ def add_surfaces(force, u, v, surfaces, nodes, gain):
             half = CREEP_M_S + stopping - speed
             left = 2.0 * CREEP_M_S / (half + math.sqrt(half * half + 4.0 * CREEP_M_S * speed))
             along = -(1.0 - left) / (0.5 * mobility)
+            add_couple(surfaces, at, force, along * x, along * y, along * z)
         bx, by, bz = brake * ex + along * x, brake * ey + along * y, brake * ez + along * z
         surfaces.brake[at, 0], surfaces.brake[at, 1], surfaces.brake[at, 2] = bx, by, bz
         surfaces.brake[at, 3] = bx * (x + normal * ex) + by * (y + normal * ey) + bz * (z + normal * ez)
@@ -127,7 +201,7 @@ def surfaces_loss(surfaces, v, behind, ahead):
     """What dampers and friction lose in a step [J], with its new velocities; ``behind`` and ``ahead`` are half steps [s]."""
     loss = 0.0
     for at in range(surfaces.touches[0]):
-        x, y, z = relative(surfaces, at, v)
+        x, y, z = sliding(surfaces, at, v)
         brake = surfaces.brake
         loss -= behind * brake[at, 3] + ahead * (brake[at, 0] * x + brake[at, 1] * y + brake[at, 2] * z)
     return loss

@@ -138,6 +138,7 @@ class Bone:
     surface : its triangles at rest, for pictures and measures.
     motion : rigid motion over time; fixed if left out.
     friction : coefficient of Coulomb friction.
+    damping : damping ratio of a node of the body on the contact spring; 0 keeps the energy of an impact.
     smooth : whether the distance is a quadratic spline, rounded over a cell of its grid, so that the force has no jumps.
     """
 
@@ -146,10 +147,20 @@ class Bone:
     surface: TriangleSurface
     motion: RigidMotion | None = None
     friction: float = 0.0
+    damping: float = 0.5
     smooth: bool = False
 
     @classmethod
-    def of_surface(cls, name: str, points_m: np.ndarray, triangles: np.ndarray, mesh: HexMesh, *, friction: float = 0.0) -> Bone:
+    def of_surface(
+        cls,
+        name: str,
+        points_m: np.ndarray,
+        triangles: np.ndarray,
+        mesh: HexMesh,
+        *,
+        friction: float = 0.0,
+        damping: float = 0.5,
+    ) -> Bone:
         """A fixed bone from a closed surface, near a body.
 
         Parameters
@@ -164,7 +175,7 @@ class Bone:
         """
         points, corners = number_array(f"Bone {name}: points_m", points_m, ("n", 3)), np.asarray(triangles, dtype=np.int64)
         surface = TriangleSurface(points, corners)
-        return cls(name, bone_field(surface, f'bone "{name}"', mesh.points), surface, friction=friction)
+        return cls(name, bone_field(surface, f'bone "{name}"', mesh.points), surface, friction=friction, damping=damping)
 
 
 @dataclass(frozen=True)

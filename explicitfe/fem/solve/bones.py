@@ -42,7 +42,7 @@ def bones_of(bones: Sequence[Bone], mesh: HexMesh, place: np.ndarray, mass: np.n
         node=place[nodes].astype(np.int64),
         position=np.ascontiguousarray(mesh.points[nodes]),
         spring=spring,
-        damper=np.sqrt(spring * mass[nodes]),
+        damper=np.array([2.0 * bone.damping * np.sqrt(spring * mass[nodes]) for bone in bones]).reshape(len(bones), len(nodes)),
         rest_depth=np.array(depth).reshape(len(bones), len(nodes)),
         start=np.concatenate([[0], np.cumsum(sizes)[:-1]]).astype(np.int64)[: len(bones)],
         shape=np.array([grid.shape for grid in grids], dtype=np.int64).reshape(-1, 3),

@@ -147,7 +147,9 @@ def _other_inputs(simulation: Simulation) -> dict[str, np.ndarray]:
         "hanging weights": loads.weights.weight,
         "drag": np.concatenate([loads.drag.linear.ravel(), loads.drag.quadratic.ravel()]),
         "the course of a load": np.concatenate([np.zeros(0), *(c.time_s for c in courses), *(c.scale for c in courses)]),
-        "contact with bones": np.concatenate([bones.spring, bones.damper, bones.distance, bones.origin.ravel(), bones.friction]),
+        "contact with bones": np.concatenate(
+            [bones.spring, bones.damper.ravel(), bones.distance, bones.origin.ravel(), bones.friction]
+        ),
         "the motion of bones": loads.bones(np.linspace(0.0, 1.0, 11))[0],
         "ties to bones": np.concatenate([ties.stiffness, ties.bone_stiffness, ties.excess]),
         "the motion of bones that hold the body": loads.bones(np.linspace(0.0, 1.0, 11))[1],

@@ -100,7 +100,7 @@ def _add_point(state, nodes, actions, instant, recurrence, tangents, point, bone
     xx, yy, zz, xy, xz, yz = bend(bones, bone, local[0], local[1], local[2])
 
     # the force, as in forces/bone.py
-    spring, damper = bones.spring[point], bones.damper[point]
+    spring, damper = bones.spring[point], bones.damper[bone, point]
     push, stiffness, _ = penalty(spring, p)
     size = math.sqrt(_dot(g, g))
     n = _along(1.0 / size, g)

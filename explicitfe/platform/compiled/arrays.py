@@ -220,7 +220,7 @@ class Bones(NamedTuple):
     node: np.ndarray  # row of each contact point, rising, int64, (k,)
     position: np.ndarray  # reference position [m], (k, 3)
     spring: np.ndarray  # k A: contact stiffness of its tributary area [N/m], (k,)
-    damper: np.ndarray  # c = sqrt(k A m): half critical [N s/m], (k,)
+    damper: np.ndarray  # c = 2 zeta sqrt(k A m), with the damping ratio of each bone [N s/m], (bones, k)
     rest_depth: np.ndarray  # how deep it lies in each bone at rest, which does not push [m], (bones, k)
     start: np.ndarray  # first entry of each bone's grid in ``distance``, int64, (bones,)
     shape: np.ndarray  # nodes of the grid along x, y, z, int64, (bones, 3)

@@ -54,6 +54,7 @@ def bones_of(scenario: TransientScenario, mesh: HexMesh, folder: Path) -> tuple[
                 *surface,
                 motion=motion if table.moves_with_jaw else None,
                 friction=table.friction,
+                damping=table.damping,
                 smooth=table.smooth,
             )
             for table, surface in zip(scenario.bone, surfaces, strict=True)

@@ -315,6 +315,28 @@ def test_fast_bodies_do_not_pass_each_other(E_Pa: float, speed_m_s: float, cells
     assert stored == pytest.approx(begun, rel=2e-3)
 
 
+@pytest.mark.parametrize("thickness_m", [0.5e-3, 1e-3])
+def test_a_thin_plate_is_hit_and_not_passed(thickness_m: float) -> None:
+    """A cube at 5 m/s on a plate of one element, thinner than 0.3 of its edges: it stays on its side of the plate."""
+    plate, cube = box((12, 12, 1), (0.03, 0.03, thickness_m)), box((4, 4, 4), 3 * (0.008,))
+    mesh = join({"plate": plate, "cube": moved(cube, (0.0113, 0.0107, thickness_m + 3e-4))})
+    sides = [mesh.held(f"plate.{side}") for side in ("x0", "x1", "y0", "y1")]
+    velocity = np.zeros((mesh.node_count, 3))
+    velocity[mesh.node_sets["cube"], 2] = -5.0
+    law = NeoHooke(C10_Pa=1e5 / 5.8, poisson=0.45)
+    body = Simulation(Model(mesh, law, np.logical_or.reduce(sides), surfaces=SurfaceContact()), velocity=velocity)
+    transient = Transient(body, 4e-3)
+    deepest_m = 0.0
+    for time_s in np.linspace(1e-4, 4e-3, 40):
+        assert transient.advance_to(time_s) is None or time_s > 3.9e-3
+        deepest_m = max(deepest_m, body.surfaces.out[: body.surfaces.touches[0], 3].max(initial=0.0))
+    assert 0.0 < deepest_m < 0.1 * 2.5e-3
+    place = mesh.points + body.snapshot().displacement
+    middle = mesh.node_sets["plate"][np.abs(mesh.points[mesh.node_sets["plate"], :2] - 0.015).max(axis=1) < 3e-3]
+    assert place[middle, 2].max() < place[mesh.node_sets["cube.z0"], 2].max() + deepest_m
+    assert place[middle, 2].max() < -1e-3
+
+
 def test_bodies_that_overlap_at_rest_are_refused() -> None:
     mesh = two_blocks(gap_m=-5e-4)
     with pytest.raises(

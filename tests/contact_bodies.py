@@ -10,7 +10,8 @@ import numpy as np
 from explicitfe.fem.bones.distance import DistanceField, distance_field
 from explicitfe.fem.bones.motion import RigidMotion
 from explicitfe.fem.bones.surface import TriangleSurface
-from explicitfe.fem.mesh.box import box
+from explicitfe.fem.materials.law import Law
+from explicitfe.fem.mesh.box import box, grid_hexes
 from explicitfe.fem.mesh.hexmesh import HexMesh
 from explicitfe.fem.model.model import Bone
 
@@ -54,3 +55,30 @@ def round_body(cells: int, radius_m: float) -> HexMesh:
     length = np.linalg.norm(points, axis=1)
     onto_ball = np.divide(np.abs(points).max(axis=1), length, out=np.ones_like(length), where=length > 0.0)
     return replace(mesh, points=radius_m * points * (0.8 * onto_ball + 0.2)[:, None])
+
+
+def stations(fine_m: float, fine_to_m: float, to_m: float, growth: float) -> np.ndarray:
+    """Stations from 0, even at first, then growing."""
+    x = list(np.arange(0.0, fine_to_m + 0.5 * fine_m, fine_m))
+    while x[-1] < to_m:
+        x.append(x[-1] + (x[-1] - x[-2]) * growth)
+    return np.array(x)
+
+
+def half_space(
+    x: np.ndarray, law: Law, radius_m: float = np.inf, *, above: bool = False
+) -> tuple[HexMesh, np.ndarray, np.ndarray]:
+    """A quarter of a half space, below or above z = 0, whose face is the paraboloid of a ball of this radius.
+
+    Also its far nodes, and their displacement by a point load of 1 N (Boussinesq 1885; Johnson 1985, eq. 3.18).
+    """
+    side, nu = 1.0 if above else -1.0, law.poisson
+    points = np.stack(np.meshgrid(x, x, x if above else -x[::-1], indexing="ij"), axis=-1).reshape(-1, 3)
+    far = np.flatnonzero((np.abs(points) == x[-1]).any(axis=1))
+    r, depth = np.linalg.norm(points[far], axis=1), np.abs(points[far, 2])
+    per_N = 1.0 / (4.0 * np.pi * law.shear_modulus_Pa)
+    outwards = per_N * (depth / r**3 - (1.0 - 2.0 * nu) / (r * (r + depth)))
+    inwards = per_N * (depth**2 / r**3 + 2.0 * (1.0 - nu) / r)
+    gap = (points[:, 0] ** 2 + points[:, 1] ** 2) / (2.0 * radius_m) * (1.0 - np.abs(points[:, 2]) / x[-1])
+    mesh = HexMesh(points + np.outer(gap, [0.0, 0.0, side]), grid_hexes(np.arange(len(points)).reshape(3 * (len(x),))))
+    return mesh, far, np.column_stack([outwards[:, None] * points[far, :2], side * inwards])

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from contact_bodies import plate, rigid_ball, round_body, shift
+from contact_bodies import half_space, plate, rigid_ball, round_body, shift, stations
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 from scipy.spatial import cKDTree
@@ -22,7 +22,6 @@ from support import YEOH, block_mesh, model_of
 from explicitfe.fem.bones.motion import RigidMotion
 from explicitfe.fem.forces.bone import CONTACT_STIFFNESS_PA_M, CREEP_M_S, TANGENTIAL_DAMPER_SHARE
 from explicitfe.fem.materials.yeoh import Yeoh
-from explicitfe.fem.mesh.box import grid_hexes
 from explicitfe.fem.mesh.hexmesh import HexMesh
 from explicitfe.fem.mesh.surface_points import points_on_set
 from explicitfe.fem.model.gravity import gravity_load
@@ -154,14 +153,6 @@ def test_a_soft_body_of_large_elements_touches_without_harm():
 # ---- Hertz ----
 
 
-def graded(fine_m: float, fine_to_m: float, to_m: float, growth: float) -> np.ndarray:
-    """Stations from 0, even at first, then growing."""
-    x = list(np.arange(0.0, fine_to_m + 0.5 * fine_m, fine_m))
-    while x[-1] < to_m:
-        x.append(x[-1] + (x[-1] - x[-2]) * growth)
-    return np.array(x)
-
-
 def test_hertz(record_property):
     """A ball of radius R pressed slowly into a half space: F = 4/3 E* R^(1/2) d^(3/2) (Hertz 1882) to 2 %.
 
@@ -179,22 +170,13 @@ def test_hertz(record_property):
     E = 2.0 * G * (1.0 + nu)
     plane = E / (1.0 - nu * nu)
 
-    x = graded(a / 6.0, 1.25 * a, 8.0 * a, 1.4)
-    number = np.arange(len(x) ** 3).reshape(len(x), len(x), len(x))
-    points = np.stack(np.meshgrid(x, x, -x[::-1], indexing="ij"), axis=-1).reshape(-1, 3)
-    held = np.zeros(points.shape, dtype=bool)
-    held[:, :2] = points[:, :2] == 0.0
-    outer = np.flatnonzero((points[:, 0] == x[-1]) | (points[:, 1] == x[-1]) | (points[:, 2] == -x[-1]))
+    x = stations(a / 6.0, 1.25 * a, 8.0 * a, 1.4)
+    mesh, outer, far_field = half_space(x, material)
+    held = np.zeros(mesh.points.shape, dtype=bool)
+    held[:, :2] = mesh.points[:, :2] == 0.0
 
     def hertz(d: np.ndarray) -> np.ndarray:
         return 4.0 / 3.0 * plane * np.sqrt(R) * d**1.5
-
-    r, across = np.linalg.norm(points[outer], axis=1), np.linalg.norm(points[outer, :2], axis=1)
-    depth = -points[outer, 2]
-    outwards = (1.0 + nu) / (2.0 * np.pi * E) * (depth / r**3 - (1.0 - 2.0 * nu) / (r * (r + depth)))
-    down = (1.0 + nu) / (2.0 * np.pi * E) * (depth**2 / r**3 + 2.0 * (1.0 - nu) / r)
-    far_field = np.column_stack([outwards[:, None] * points[outer, :2], -down])
-    assert across.max() > 8.0 * a
 
     period = 4.0 * x[-1] / np.sqrt(G / material.density_kg_m3)
     duration = 3.0 * period
@@ -202,9 +184,7 @@ def test_hertz(record_property):
     region = a * np.array([[-0.25, -0.25, -0.5], [1.5, 1.5, 0.5]])
     press = shift((0.0, 0.0, -deepest), (0.0, duration), (0.0, 1.0))
     ball = rigid_ball(R, (0.0, 0.0, R), spacing_m=a / 16.0, region=region, motion=press)
-    model = Model(
-        HexMesh(points, grid_hexes(number)), material, held, alpha_per_s=2.0 * np.pi / period, motion=far, bones=(ball,)
-    )
+    model = Model(mesh, material, held, alpha_per_s=2.0 * np.pi / period, motion=far, bones=(ball,))
     ratios = []
     for snapshot in Transient(Simulation(model), duration).samples(duration / 12.0):
         d = deepest * snapshot.time_s / duration

@@ -68,9 +68,9 @@ def stations(fine_m: float, fine_to_m: float, to_m: float, growth: float) -> np.
 def half_space(
     x: np.ndarray, law: Law, radius_m: float = np.inf, *, above: bool = False
 ) -> tuple[HexMesh, np.ndarray, np.ndarray]:
-    """A quarter of a half space, below or above z = 0, whose face is the paraboloid of a ball of this radius.
+    """A quarter of a half space below or above z = 0, its far nodes, and their displacement by a point load of 1 N.
 
-    Also its far nodes, and their displacement by a point load of 1 N (Boussinesq 1885; Johnson 1985, eq. 3.18).
+    Its surface is a paraboloid with this radius of curvature (Boussinesq 1885; Johnson 1985, eq. 3.18).
     """
     side, nu = 1.0 if above else -1.0, law.poisson
     points = np.stack(np.meshgrid(x, x, x if above else -x[::-1], indexing="ij"), axis=-1).reshape(-1, 3)

@@ -299,7 +299,7 @@ def test_a_sealed_t_touches_as_palatograms_show(ran):
 
 
 def test_a_k_closes_at_a_velum_that_gives_way(ran):
-    """At the pressure of a tongue in speech; PG lowers the velum, the sides touch row 8. 2 mm2 remain open."""
+    """At the pressure of a tongue in speech; PG lowers the velum, the sides touch row 8. 2.8 mm2 remain open."""
     done = ran("velar-k-soft")
     closed = held(done)
     assert closed.constriction.width_mm < 0.1 and closed.constriction.place_mm > 85.0

@@ -174,9 +174,9 @@ def depth_in(bones, bone, point, x, y, z, placement, instant):
 
 
 @leaf
-def penalty(spring, p):
-    """Force [N], stiffness [N/m] and energy [J] of a contact point at the depth p."""
-    share = p / STIFFENING_DEPTH_M
+def penalty(spring, p, stiffening_depth):
+    """Force [N], stiffness [N/m] and energy [J] of a contact point at depth p; force / p doubles over the stiffening depth."""
+    share = p / stiffening_depth
     return spring * p * (1.0 + share), spring * (1.0 + 2.0 * share), spring * p * p * (0.5 + share / 3.0)
 
 
@@ -201,7 +201,7 @@ def add_contact_stiffness(force, u, here, bones, placement, instant):
             p, gx, gy, gz, _ = depth_in(bones, bone, point, x, y, z, placement, instant)
             if p > 0.0:
                 out = gx * (u[node, 0] - here[node, 0]) + gy * (u[node, 1] - here[node, 1]) + gz * (u[node, 2] - here[node, 2])
-                _, stiffness, _ = penalty(bones.spring[point], p)
+                _, stiffness, _ = penalty(bones.spring[point], p, STIFFENING_DEPTH_M)
                 push = -stiffness * out
                 force[node, 0] += push * gx
                 force[node, 1] += push * gy
@@ -261,7 +261,7 @@ def rest_on_bones(force, row, state, external, nodes, bones, placement, instant,
                 wx = R[SPEED] + R[SPIN + 1] * z - R[SPIN + 2] * y
                 wy = R[SPEED + 1] + R[SPIN + 2] * x - R[SPIN] * z
                 wz = R[SPEED + 2] + R[SPIN] * y - R[SPIN + 1] * x
-            push, _, energy = penalty(bones.spring[point], p)
+            push, _, energy = penalty(bones.spring[point], p, STIFFENING_DEPTH_M)
             stored += energy
             size = math.sqrt(gx * gx + gy * gy + gz * gz)
             ex, ey, ez = push * gx, push * gy, push * gz

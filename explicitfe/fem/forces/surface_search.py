@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import math
 
+from explicitfe.fem.forces.bone import penalty
 from explicitfe.fem.forces.closest_point import closest_on_triangle
 from explicitfe.platform.compiled.contact_arrays import ALIKE, CELLS, FACES_NEAR, REACH, SKIN, TRIANGLES_NEAR, ZETA
 from explicitfe.platform.compiled.jit import leaf, part_of_kernels
@@ -383,7 +384,7 @@ def find_touching(surfaces, u):
         at = surfaces.touches[0]
         depth = surfaces.out[at, 3]
         if inside and (surfaces.held[point] >= 0 or depth <= numbers[REACH]):
-            energy += surfaces.stiff[at, 0] * depth * depth * (0.5 + depth / (3.0 * surfaces.stiff[at, 1]))
+            energy += penalty(surfaces.stiff[at, 0], depth, surfaces.stiff[at, 1])[2]
             surfaces.held[point] = surfaces.touched[at]
             surfaces.touches[0] = at + 1
         else:

@@ -18,13 +18,13 @@ from __future__ import annotations
 
 import math
 
-from explicitfe.fem.forces.bone import CREEP_M_S
+from explicitfe.fem.forces.bone import CREEP_M_S, penalty
 from explicitfe.fem.forces.surface_search import find_touching
 from explicitfe.platform.compiled.contact_arrays import REACH, RUBBING, SPEED, STIFFER
 from explicitfe.platform.compiled.jit import leaf, part_of_kernels
 
-# A point that begins to touch lies no deeper than two nodes move towards each other in the last step, whose length may have been
-# up to twice that of this one.
+# Two nodes approach each other by up to twice the distance that one moves in the last step. That step may have been twice as
+# long as this one.
 ENTRY_STEPS = 4.0
 
 
@@ -62,11 +62,11 @@ def add_pair(surfaces, at, force, x, y, z):
 
 
 @leaf
-def moment_on(surfaces, at, values):
-    """Sum of arms, from the middle of the face below a point that touches, times what node rows say of its corners."""
+def moment_of(surfaces, at, values):
+    """Moment about the middle of the face below a point that touches, of the vectors that node rows have at its corners."""
     mx = my = mz = 0.0
     for corner in range(4):
-        x, y, z = arm(surfaces, at, corner)
+        x, y, z = lever_arm(surfaces, at, corner)
         row = surfaces.node[surfaces.face[surfaces.touched[at], corner]]
         fx, fy, fz = values[row, 0], values[row, 1], values[row, 2]
         mx, my, mz = mx + y * fz - z * fy, my + z * fx - x * fz, mz + x * fy - y * fx
@@ -74,8 +74,8 @@ def moment_on(surfaces, at, values):
 
 
 @leaf
-def arm(surfaces, at, corner):
-    """From the middle of the face below a point that touches to one of its corners [m]."""
+def lever_arm(surfaces, at, corner):
+    """Lever arm [m] of a corner about the middle of the face below a point that touches."""
     face = surfaces.touched[at]
     one = surfaces.face[face, corner]
     x, y, z = surfaces.place[one, 0], surfaces.place[one, 1], surfaces.place[one, 2]
@@ -88,11 +88,11 @@ def arm(surfaces, at, corner):
 
 
 @leaf
-def turn_for(surfaces, at, mx, my, mz):
-    """Vector a of which a x arm, over the corners of the face below a point that touches, has this moment [1/m^2 of it]."""
+def solve_inertia(surfaces, at, mx, my, mz):
+    """Solve I a = m with the inertia tensor I [m^2] of unit masses at the corners of the face below a point that touches."""
     xx = yy = zz = xy = xz = yz = 0.0
     for corner in range(4):
-        x, y, z = arm(surfaces, at, corner)
+        x, y, z = lever_arm(surfaces, at, corner)
         xx, yy, zz = xx + y * y + z * z, yy + x * x + z * z, zz + x * x + y * y
         xy, xz, yz = xy - x * y, xz - x * z, yz - y * z
     axx, axy, axz = yy * zz - yz * yz, xz * yz - xy * zz, xy * yz - xz * yy
@@ -106,12 +106,12 @@ def turn_for(surfaces, at, mx, my, mz):
 
 
 @leaf
-def sliding(surfaces, at, v):
-    """Velocity of a point that touches less that of the face below where the point is: the face turns, and the point is deep."""
+def slip_velocity(surfaces, at, v):
+    """Velocity of a point that touches relative to the face below it, which rotates about the closest point."""
     x, y, z = relative(surfaces, at, v)
     if surfaces.numbers[RUBBING] > 0.0:
-        mx, my, mz = moment_on(surfaces, at, v)
-        wx, wy, wz = turn_for(surfaces, at, mx, my, mz)
+        mx, my, mz = moment_of(surfaces, at, v)
+        wx, wy, wz = solve_inertia(surfaces, at, mx, my, mz)
         ex, ey, ez, depth = surfaces.out[at, 0], surfaces.out[at, 1], surfaces.out[at, 2], surfaces.out[at, 3]
         x, y, z = x + depth * (wy * ez - wz * ey), y + depth * (wz * ex - wx * ez), z + depth * (wx * ey - wy * ex)
     return x, y, z
@@ -121,9 +121,9 @@ def sliding(surfaces, at, v):
 def add_couple(surfaces, at, force, x, y, z):
     """Add to the corners of the face below a point that touches the moment of its friction force about the closest point."""
     ex, ey, ez, depth = surfaces.out[at, 0], surfaces.out[at, 1], surfaces.out[at, 2], surfaces.out[at, 3]
-    ax, ay, az = turn_for(surfaces, at, depth * (ey * z - ez * y), depth * (ez * x - ex * z), depth * (ex * y - ey * x))
+    ax, ay, az = solve_inertia(surfaces, at, depth * (ey * z - ez * y), depth * (ez * x - ex * z), depth * (ex * y - ey * x))
     for corner in range(4):
-        rx, ry, rz = arm(surfaces, at, corner)
+        rx, ry, rz = lever_arm(surfaces, at, corner)
         row = surfaces.node[surfaces.face[surfaces.touched[at], corner]]
         force[row, 0] += ay * rz - az * ry
         force[row, 1] += az * rx - ax * rz
@@ -173,8 +173,8 @@ def add_surfaces(force, u, v, surfaces, nodes, gain):
     friction = surfaces.numbers[RUBBING]
     for at in range(surfaces.touches[0]):
         ex, ey, ez, depth = surfaces.out[at, 0], surfaces.out[at, 1], surfaces.out[at, 2], surfaces.out[at, 3]
-        push = surfaces.stiff[at, 0] * depth * (1.0 + depth / surfaces.stiff[at, 1])
-        x, y, z = sliding(surfaces, at, v)
+        push, _, _ = penalty(surfaces.stiff[at, 0], depth, surfaces.stiff[at, 1])
+        x, y, z = slip_velocity(surfaces, at, v)
         mobility = gain * mobility_of(surfaces, at, nodes)
         damper = surfaces.stiff[at, 2]
         normal = x * ex + y * ey + z * ez
@@ -201,7 +201,7 @@ def surfaces_loss(surfaces, v, behind, ahead):
     """What dampers and friction lose in a step [J], with its new velocities; ``behind`` and ``ahead`` are half steps [s]."""
     loss = 0.0
     for at in range(surfaces.touches[0]):
-        x, y, z = sliding(surfaces, at, v)
+        x, y, z = slip_velocity(surfaces, at, v)
         brake = surfaces.brake
         loss -= behind * brake[at, 3] + ahead * (brake[at, 0] * x + brake[at, 1] * y + brake[at, 2] * z)
     return loss
@@ -234,8 +234,7 @@ def add_surface_pressure(surfaces, pressure, pairs):
     note_depths(surfaces)
     for at in range(surfaces.touches[0]):
         point = surfaces.touching[at]
-        depth = surfaces.out[at, 3]
-        push = surfaces.stiff[at, 0] * depth * (1.0 + depth / surfaces.stiff[at, 1])
+        push, _, _ = penalty(surfaces.stiff[at, 0], surfaces.out[at, 3], surfaces.stiff[at, 1])
         for corner in range(4):
             one, other = surfaces.face[surfaces.point_face[point], corner], surfaces.face[surfaces.touched[at], corner]
             pressure[surfaces.user[one]] += push * surfaces.share[point, corner] / surfaces.area[one]

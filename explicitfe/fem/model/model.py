@@ -138,8 +138,8 @@ class Bone:
     surface : its triangles at rest, for pictures and measures.
     motion : rigid motion over time; fixed if left out.
     friction : coefficient of Coulomb friction.
-    damping : damping ratio of a node of the body on the contact spring; 0 keeps the energy of an impact.
     smooth : whether the distance is a quadratic spline, rounded over a cell of its grid, so that the force has no jumps.
+    damping : damping ratio of a node of the body on the contact spring; 0 conserves the energy of an impact.
     """
 
     name: str
@@ -147,19 +147,12 @@ class Bone:
     surface: TriangleSurface
     motion: RigidMotion | None = None
     friction: float = 0.0
-    damping: float = 0.5
     smooth: bool = False
+    damping: float = 0.5
 
     @classmethod
     def of_surface(
-        cls,
-        name: str,
-        points_m: np.ndarray,
-        triangles: np.ndarray,
-        mesh: HexMesh,
-        *,
-        friction: float = 0.0,
-        damping: float = 0.5,
+        cls, name: str, points_m: np.ndarray, triangles: np.ndarray, mesh: HexMesh, *, friction: float = 0.0, damping: float = 0.5
     ) -> Bone:
         """A fixed bone from a closed surface, near a body.
 
@@ -168,6 +161,7 @@ class Bone:
         points_m : (n, 3) m.
         triangles : (m, 3) corners of each triangle, counter-clockwise seen from outside.
         mesh : the body that may touch it; the signed distance is computed around it.
+        friction, damping : as of the bone.
 
         Raises
         ------

@@ -108,7 +108,7 @@ def course(state, part, looks, looker, shared, actions, samples, instant, span, 
                         highest = call_at(
                             addresses.highest_frequency, (state, part, looks, looker, actions, instant, *differencing)
                         )
-                        limit = min(limit_of(highest, contact_frequency), longest_on_the_way(actions.surfaces.numbers))
+                        limit = min(limit_of(highest, contact_frequency), limit_of_passage(actions.surfaces.numbers))
                         if thorough or limit >= SURE_SHARE_OF_LIMIT * watch[LIMIT]:
                             break
                         thorough = True
@@ -149,8 +149,8 @@ def course(state, part, looks, looker, shared, actions, samples, instant, span, 
 
 
 @leaf
-def longest_on_the_way(numbers):
-    """The longest step [s] in which no node of a surface moves so far that it may pass a face."""
+def limit_of_passage(numbers):
+    """The longest step [s] in which no node of a surface can move through a face."""
     return numbers[FARTHEST] / numbers[SPEED] if numbers[SPEED] > 0.0 else math.inf
 
 

@@ -153,7 +153,8 @@ def advance(state, part, shared, actions, dt_before, dt, stiffest, most_fall, fi
         if not (corner >= ledger[SMALLEST_CORNER]):
             ledger[SMALLEST_CORNER] = corner
         sound = smallest > 0.0 and corner > 0.0
-        slow = dt * actions.surfaces.numbers[SPEED] <= actions.surfaces.numbers[FARTHEST]
+        # the first part writes the speed, and may already be in the next step where another one would read it
+        slow = part.number > 0 or dt * actions.surfaces.numbers[SPEED] <= actions.surfaces.numbers[FARTHEST]
         if not (sound and slow and part.blocks.corner[STIFFEST] <= stiffest and fall <= most_fall * corner):
             ask_to_stop(part.gate)
             if part.parts == 1:

@@ -34,7 +34,7 @@ from explicitfe.platform.errors import InputError
 # thick: behind that there may be other points of the same surface. And the skin, in mean edges of all.
 DEEPEST_EDGES, SKIN_EDGES = 0.3, 0.2
 # The contact stiffness times the edge is so many times Young's modulus, and no more than so many times the modulus of a pressure
-# wave, which sets the stable step. It has doubled at so many edges.
+# wave, which sets the stable step. Pressure over depth has doubled at so many edges.
 STIFFNESS_SHARE, WAVE_SHARE, GROWTH_EDGES = 18.0, 4.5, 0.025
 # How far a node may move in a step, as a share of the smallest depth at which a point may begin to touch.
 FARTHEST_SHARE = 0.15

@@ -9,7 +9,15 @@ from __future__ import annotations
 
 import math
 
-from explicitfe.fem.forces.bone import TANGENTIAL_DAMPER_SHARE, cell, depth_in, is_far, penalty, smooth_distance
+from explicitfe.fem.forces.bone import (
+    STIFFENING_DEPTH_M,
+    TANGENTIAL_DAMPER_SHARE,
+    cell,
+    depth_in,
+    is_far,
+    penalty,
+    smooth_distance,
+)
 from explicitfe.fem.forces.dead import add_dead_loads
 from explicitfe.fem.forces.follower import add_follower_fibres
 from explicitfe.fem.forces.ties import add_ties
@@ -101,7 +109,7 @@ def _add_point(state, nodes, actions, instant, recurrence, tangents, point, bone
 
     # the force, as in forces/bone.py
     spring, damper = bones.spring[point], bones.damper[bone, point]
-    push, stiffness, _ = penalty(spring, p)
+    push, stiffness, _ = penalty(spring, p, STIFFENING_DEPTH_M)
     size = math.sqrt(_dot(g, g))
     n = _along(1.0 / size, g)
     elastic = _along(push, g)

@@ -206,7 +206,7 @@ def _is_as_expected(result: Result) -> bool:
 
 
 def _expectation_table(result: Result, expected: Sequence[Mapping[str, float]]) -> PageTable | None:
-    """Measures of the scenario's table ``expected``: the expected number, that of this run and the difference."""
+    """Compare the expected measures of the scenario with those of this run."""
     digits: dict[str, int] = {}  # of numbers with the same unit: the most that the scenario states
     for name, value in (pair for numbers in expected for pair in numbers.items()):
         unit = words_and_unit(name)[1]

@@ -324,17 +324,20 @@ def differenced(slope: Callable[[np.ndarray], np.ndarray], x: np.ndarray) -> np.
 
 @dataclass(frozen=True)
 class Bone:
-    """Contact of nodes with a rigid surface, beyond their depth p at rest: k A p (1 + p / p0); the bone is at R X + s.
+    """Contact of points of faces with a rigid surface, beyond their depth p at rest: k A p (1 + p / p0); the bone is at R X + s.
 
     Attributes
     ----------
-    points, nodes, springs : (n, 3) m at rest, (k,), and k A of each node (k,) N/m.
+    points : (n, 3) m at rest.
+    nodes, shares : (k, a), (k, a) of the points that touch.
+    springs : (k,) N/m. k A of each.
     surface : at rest.
     rotation, shift : R (3, 3), s (3,) m.
     """
 
     points: np.ndarray
     nodes: np.ndarray
+    shares: np.ndarray
     springs: np.ndarray
     surface: Surface
     rotation: np.ndarray
@@ -342,13 +345,17 @@ class Bone:
     start: np.ndarray = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        start = np.zeros(len(self.nodes))
-        which, triangle = self.surface.inside(self.points[self.nodes])
-        start[which] = np.linalg.norm(closest(self.points[self.nodes[which]], self.surface.corners[triangle])[0], axis=1)
+        start, x = np.zeros(len(self.nodes)), self._at(self.points)
+        which, triangle = self.surface.inside(x)
+        start[which] = np.linalg.norm(closest(x[which], self.surface.corners[triangle])[0], axis=1)
         object.__setattr__(self, "start", start)
 
+    def _at(self, values: np.ndarray) -> np.ndarray:
+        """Vectors at the points (k, 3) from those of nodes (n, 3)."""
+        return np.einsum("ka,kai->ki", self.shares, values[self.nodes])
+
     def __call__(self, u: np.ndarray) -> Part:
-        x = ((self.points + u)[self.nodes] - self.shift) @ self.rotation
+        x = (self._at(self.points + u) - self.shift) @ self.rotation
         which, triangle = self.surface.inside(x)
 
         def depth(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -361,10 +368,11 @@ class Bone:
             return -(self.springs[which] * beyond * (1.0 + beyond / STIFFENING_M))[:, None, None] * out[:, None]
 
         x = x[which][:, None]
-        each = self.rotation @ differenced(slope, x) @ self.rotation.T
+        shares, each = self.shares[which], self.rotation @ differenced(slope, x) @ self.rotation.T
         beyond, _ = depth(x)
         energy = self.springs[which] @ (beyond**2 / 2.0 + beyond**3 / (3.0 * STIFFENING_M))
-        return Part(energy, self.nodes[which][:, None], slope(x) @ self.rotation.T, each)
+        every = np.einsum("ka,kij,kb->kaibj", shares, each, shares).reshape(len(which), 3 * shares.shape[1], 3 * shares.shape[1])
+        return Part(energy, self.nodes[which], shares[:, :, None] * (slope(x) @ self.rotation.T), every)
 
 
 @dataclass(frozen=True)

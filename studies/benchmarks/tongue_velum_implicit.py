@@ -5,7 +5,7 @@
 The forces, the jaw and the two bodies of velar-k-soft, held until the motion has died away. The implicit route, see
 ``implicit_bodies``, takes the meshes, the stress of the muscles in each hexahedron, the triangles of the bones and the attached
 patches as data; its elements, contact and solver are its own. Distances from bones are exact; those of explicitfe are smoothed
-over 1 mm. Prints a row for each pair of elements, explicitfe first, and takes ten minutes.
+over 0.5 mm. Prints a row for each pair of elements, explicitfe first, and takes ten minutes.
 """
 
 from __future__ import annotations
@@ -188,7 +188,9 @@ def implicit(velum: bool, resolution: str, second: bool = False, of_nodes: bool 
     areas = node_areas(points, faces)
     u = np.zeros(points.shape)
     free = np.setdiff1d(np.arange(u.size), np.flatnonzero(model.held.ravel()))
-    outside = np.flatnonzero((areas > 0.0) & ~model.held.any(axis=1))
+    loose = faces[~model.held[faces].all(axis=(1, 2))]
+    shares, of_points = face_points(points, loose)
+    outside = np.repeat(loose, len(shares), axis=0), np.tile(shares, (len(loose), 1)), STIFFNESS_PA_M * of_points.ravel()
     ties = [Tie(patch, hexes, points) for patch in model.attachments]
     touches = touches_of(model, faces, of_nodes) if velum else []
     bones = [(bone, Surface(halved(bone.surface.corners))) for bone in model.bones]
@@ -210,7 +212,7 @@ def implicit(velum: bool, resolution: str, second: bool = False, of_nodes: bool 
         contacts = {}
         for bone, surface in bones:
             place = (np.eye(3), np.zeros(3)) if bone.motion is None else placed(bone.motion, share)
-            contacts[bone.name] = Bone(points, outside, STIFFNESS_PA_M * areas[outside], surface, *place)
+            contacts[bone.name] = Bone(points, *outside, surface, *place)
         u = settle([*tissues, *ties, *pulls, *contacts.values(), *touches], u, free)
     pressed = {name: pressure_of([contact(u)], areas) for name, contact in contacts.items()}
     return Rest(u, pressure_of([touch(u) for touch in touches], areas), pressed)

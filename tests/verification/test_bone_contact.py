@@ -14,13 +14,12 @@ import numpy as np
 import pytest
 from contact_bodies import half_space, plate, rigid_ball, round_body, shift, stations
 from scipy.integrate import solve_ivp
-from scipy.optimize import brentq
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 from support import YEOH, block_mesh, model_of
 
 from explicitfe.fem.bones.motion import RigidMotion
-from explicitfe.fem.forces.bone import CONTACT_STIFFNESS_PA_M, CREEP_M_S, TANGENTIAL_DAMPER_SHARE
+from explicitfe.fem.forces.bone import CONTACT_STIFFNESS_PA_M, STIFFENING_DEPTH_M
 from explicitfe.fem.materials.yeoh import Yeoh
 from explicitfe.fem.mesh.hexmesh import HexMesh
 from explicitfe.fem.mesh.surface_points import points_on_set
@@ -57,9 +56,13 @@ def balance_error(snapshots: list[Snapshot]) -> float:
 
 
 def bend_error(snapshots: list[Snapshot], speed: float, dt: float) -> float:
-    """Bound of the balance error [J] of points that touch at up to that speed and leave again, each once."""
+    """Bound of the balance error [J] of points that touch at up to that speed and leave again, each once.
+
+    With the stiffness k (1 + 2 p / p0) of the deepest of them.
+    """
     area = max(s.contact[:, BONE_AREA].sum() for s in snapshots)
-    return CONTACT_STIFFNESS_PA_M * area * (speed * dt) ** 2 / 4.0
+    stiffer = 1.0 + 2.0 * max(s.contact[:, BONE_DEPTH].max() for s in snapshots) / STIFFENING_DEPTH_M
+    return CONTACT_STIFFNESS_PA_M * stiffer * area * (speed * dt) ** 2 / 4.0
 
 
 # ---- a ball thrown at a plate ----
@@ -116,7 +119,7 @@ def test_a_thrown_ball(tilt_deg, record_property):
 @pytest.mark.parametrize("damping", [0.0, 0.1, 0.5])
 def test_an_impact_loses_what_its_dampers_lose(damping, record_property):
     """Without damping nothing is lost: the ball keeps its energy, in motion and in vibrations, to the bends."""
-    snapshots, _, dt = thrown(np.eye(3), 0.8, damping=damping)
+    snapshots, _, dt = thrown(np.eye(3), 0.4, damping=damping)
     begun, ended = (s.energies for s in (snapshots[0], snapshots[-1]))
     kept = ended[[KINETIC, INTERNAL, HOURGLASS]].sum()
     assert abs(kept + ended[RUBBED] - begun[KINETIC]) < bend_error(snapshots, SPEED, dt) < 0.01 * begun[KINETIC]
@@ -125,12 +128,12 @@ def test_an_impact_loses_what_its_dampers_lose(damping, record_property):
 
 
 def test_a_history_of_samples_tells_the_impulse():
-    """Every tenth step: the trapezoid of a pulse of 20 ms sampled at 0.5 ms is good to (0.5 / 20)^2 / 12 of its bends; 1 %."""
+    """Every fifth step: the trapezoid of a pulse of 20 ms sampled at 0.6 ms is good to (0.6 / 20)^2 / 12 of its bends; 1 %."""
     snapshots, simulation, dt = thrown(np.eye(3), 0.8)
-    kept = snapshots[::10]
+    kept = snapshots[::5]
     force = np.array([s.contact[0, 2] for s in kept])
     change = simulation.nodal_mass @ (kept[-1].velocity - kept[0].velocity)[:, 2]
-    assert np.trapezoid(force, dx=10 * dt) == pytest.approx(change, rel=1e-2)
+    assert np.trapezoid(force, dx=5 * dt) == pytest.approx(change, rel=1e-2)
 
 
 def test_a_soft_body_of_large_elements_touches_without_harm():
@@ -154,14 +157,14 @@ def test_a_soft_body_of_large_elements_touches_without_harm():
 
 
 def test_hertz(record_property):
-    """A ball of radius R pressed slowly into a half space: F = 4/3 E* R^(1/2) d^(3/2) (Hertz 1882) to 2 %.
+    """A ball of radius R pressed slowly into a half space: F = 4/3 E* R^(1/2) d^(3/2) (Hertz 1882) to 1.5 %.
 
     A quarter of a block reaches 8 a from the centre, a = (R d)^(1/2), and its far faces follow the half space under a point load
     (Boussinesq 1885; Johnson 1985, eq. 3.18), Hertz's own field there but for a share of (a / r)^2 = 1.6 % of what is 10 % of d.
     Left are: the parabola for the ball and small strains, of order (a / R)^2 = 0.3 %; the compliance of the contact, which takes
-    (3 / 2 pi) E* / (k a) of the force by the first variation of the energy, 0.5 to 0.8 %; and, seen by varying them, six nodes on
-    a radius (0.5 %) and only three periods of the block's lowest vibration to press it (0.5 %). With eight of both the ratio is
-    within 0.3 % of 1.
+    (3 / 2 pi) E* / (k a) of the force by the first variation of the energy, 0.5 to 0.8 %; and, seen by varying them, the mesh
+    (the ratio is up to 1.021 with six elements on a radius, 1.012 with eight and with ten) and only three periods of the
+    block's lowest vibration to press it (0.5 %).
     """
     a, R, nu = 1e-3, 0.02, 0.3
     deepest = a * a / R
@@ -170,7 +173,7 @@ def test_hertz(record_property):
     E = 2.0 * G * (1.0 + nu)
     plane = E / (1.0 - nu * nu)
 
-    x = stations(a / 6.0, 1.25 * a, 8.0 * a, 1.4)
+    x = stations(a / 8.0, 1.25 * a, 8.0 * a, 1.4)
     mesh, outer, far_field = half_space(x, material)
     held = np.zeros(mesh.points.shape, dtype=bool)
     held[:, :2] = mesh.points[:, :2] == 0.0
@@ -194,7 +197,7 @@ def test_hertz(record_property):
     record_property("force / Hertz", [float(r) for r in ratios])
     record_property("of which compliance", -1.5 / np.pi * plane / (CONTACT_STIFFNESS_PA_M * a))
     assert len(ratios) == 7
-    np.testing.assert_allclose(ratios, 1.0, atol=0.02)
+    np.testing.assert_allclose(ratios, 1.0, atol=0.015)
 
 
 # ---- bones that move ----
@@ -263,54 +266,50 @@ def test_a_plate_that_turns_under_a_block():
 # ---- friction ----
 
 
-def slide(friction: float, tilt_rad: float, until_s: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, Simulation]:
-    """Times, speed of the centre of mass along the plate, force of the plate (k, 3), at every half millisecond."""
+def slide(friction: float, tilt_rad: float, until_s: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
+    """Times, speed of the centre of mass along the plate, force of the plate (k, 3), at every half millisecond; the mass."""
     simulation = Simulation(resting_block(block_on_plate(-0.02), friction=friction, tilt_rad=tilt_rad))
     snapshots = list(Transient(simulation, until_s).samples(5e-4))
     mass = simulation.nodal_mass
     speed = np.array([mass @ s.velocity[:, 0] for s in snapshots]) / mass.sum()
-    return np.array([s.time_s for s in snapshots]), speed, np.array([s.contact[0, :3] for s in snapshots]), simulation
-
-
-def drag_per_s(simulation: Simulation) -> float:
-    """What the tangential dampers of the whole lower face brake the block by [1/s]."""
-    touching = simulation.bones.position[:, 2] == 0.0
-    return TANGENTIAL_DAMPER_SHARE * simulation.bones.damper[0, touching].sum() / simulation.nodal_mass.sum()
+    force = np.array([s.contact[0, :3] for s in snapshots])
+    return np.array([s.time_s for s in snapshots]), speed, force, float(mass.sum())
 
 
 @pytest.mark.parametrize("friction", [0.0, 0.2])
 def test_a_block_slides_down(friction, record_property):
-    """dv/dt = g (sin - mu cos v / (v + creep)) - v / T with T of the tangential dampers, to 2 % of the speed at the end.
+    """dv/dt = g (sin - mu cos), to 2 % of the speed at the end.
 
     Block and plate give way by g rho h / G and g rho h / k, microns; a speed of vibration of those over a period of a
     millisecond is 1 % of the speed at the end, and friction follows the normal force as it swings.
     """
     tilt = np.radians(20.0)
-    times, speed, force, simulation = slide(friction, tilt, 0.1)
-    drag = drag_per_s(simulation)
+    times, speed, force, mass = slide(friction, tilt, 0.1)
 
     def acceleration(t, v):
-        share = min(t / 0.03, 1.0)
-        return G_M_S2 * share * (np.sin(tilt) - friction * np.cos(tilt) * v / (v + CREEP_M_S)) - drag * v
+        return [G_M_S2 * min(t / 0.03, 1.0) * (np.sin(tilt) - friction * np.cos(tilt))]
 
     expected = solve_ivp(acceleration, (0.0, times[-1]), [0.0], t_eval=times, rtol=1e-8, atol=1e-10).y[0]
     record_property("off by", np.abs(speed - expected).max() / expected[-1])
     assert expected[-1] > 0.02
     np.testing.assert_allclose(speed, expected, atol=0.02 * expected[-1])
-    weight = G_M_S2 * simulation.nodal_mass.sum()
-    assert force[times > 0.05, 2].mean() == pytest.approx(weight * np.cos(tilt), rel=0.01)
+    assert force[times > 0.05, 2].mean() == pytest.approx(G_M_S2 * mass * np.cos(tilt), rel=0.01)
 
 
-def test_a_block_below_the_friction_angle_creeps():
-    """mu = 1 at 20 degrees: tan of the angle = mu v / (v + creep), less what the dampers carry, so v is below the creep speed."""
+@pytest.mark.parametrize("share", [0.3, 0.95, 1.05, 1.1])
+def test_a_block_sticks_up_to_the_friction_angle(share, record_property):
+    """Below the angle it stays, on tangential springs; above it slides, by g (sin - mu cos), to 0.5 % of g.
+
+    Within 2 % of the angle it slips at its edges, and rocks.
+    """
     tilt = np.radians(20.0)
-    times, speed, _, simulation = slide(1.0, tilt, 0.1)
-    drag = drag_per_s(simulation)
-    creep = brentq(lambda v: G_M_S2 * (np.sin(tilt) - np.cos(tilt) * v / (v + CREEP_M_S)) - drag * v, 0.0, 1.0)
-    late = speed[times > 0.06]
-    assert creep < CREEP_M_S
-    assert late.mean() == pytest.approx(creep, rel=0.02)
-    assert late.max() < CREEP_M_S
+    times, speed, *_ = slide(np.tan(tilt) / share, tilt, 0.1)
+    late = times > 0.06
+    slope = np.polyfit(times[late], speed[late], 1)[0]
+    record_property("acceleration", slope)
+    assert slope == pytest.approx(G_M_S2 * np.sin(tilt) * max(0.0, 1.0 - 1.0 / share), abs=5e-3 * G_M_S2)
+    if share < 1.0:
+        assert abs(speed[late]).max() < 5e-4
 
 
 # ---- threads, and runs that go on ----
@@ -379,7 +378,7 @@ def test_a_run_that_was_cut_goes_on_bit_for_bit(count):
     second.restore(kept)
     for transient in (through, second):
         assert transient.advance_to(end) is None
-    assert second.simulation.steps == through.simulation.steps > 80
+    assert second.simulation.steps == through.simulation.steps > 70
     one, other = through.simulation.snapshot(), second.simulation.snapshot()
     for name in ("displacement", "velocity", "contact", "contact_pressure"):
         assert np.array_equal(getattr(other, name), getattr(one, name)), name

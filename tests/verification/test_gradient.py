@@ -130,7 +130,7 @@ def test_contact_with_a_moving_ball_and_ties_that_give_way() -> None:
     motion = RigidMotion(
         np.array([0.01, 0.01, -0.02]), turn, np.array([1e-3, 0.0, 2e-3]), np.array([0.0, 0.03]), np.array([0.0, 1.0])
     )
-    bone = ball(0.012, np.array([0.011, 0.009, -0.0135]), motion)
+    bone = ball(0.012, np.array([0.011, 0.009, -0.0128]), motion)
 
     def model(values: dict[str, float]) -> Model:
         return body(mesh, values, bones=(bone,), attachments=(tie,))

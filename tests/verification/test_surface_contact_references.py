@@ -12,7 +12,7 @@ from support import ROOT
 from surface_bodies import graded, half_cylinder, moved, pushes
 from two_bodies_implicit import blocks, explicit, implicit
 
-from explicitfe.fem.forces.bone import CREEP_M_S
+from explicitfe.fem.forces.surfaces import CREEP_M_S
 from explicitfe.fem.materials.neo_hooke import NeoHooke
 from explicitfe.fem.materials.yeoh import Yeoh
 from explicitfe.fem.mesh.box import box

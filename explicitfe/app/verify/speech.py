@@ -99,7 +99,7 @@ def closure(work: Workshop) -> ClaimFigure:
 
 
 def crossings(work: Workshop) -> ClaimFigure:
-    """Depth [mm] of the deepest node in palate, jaw or pharynx, at any time in five vowels."""
+    """Depth [mm] of the deepest point in palate, jaw or pharynx, at any time in five vowels."""
     deepest: dict[str, float] = {}
     for scenario in (*VOWELS.values(), "vowel-e", "vowel-o"):
         with open_result(Path(work.run(scenario, COARSE)["result"])) as opened:

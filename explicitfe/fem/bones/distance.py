@@ -85,7 +85,7 @@ def _bilinear(corner: np.ndarray, u: np.ndarray, v: np.ndarray) -> np.ndarray:
 
 
 def distance_field(
-    surface: TriangleSurface, *, spacing_m: float = 1e-3, smoothing_m: float = 1e-3, region: np.ndarray
+    surface: TriangleSurface, *, spacing_m: float = 1e-3, smoothing_m: float = 5e-4, region: np.ndarray
 ) -> DistanceField:
     """The signed distance of a closed surface on a grid, smoothed by a Gaussian.
 
@@ -126,7 +126,7 @@ def bone_field(
     shift_m: np.ndarray | None = None,
     *,
     spacing_m: float = 1e-3,
-    smoothing_m: float = 1e-3,
+    smoothing_m: float = 5e-4,
     margin_m: float = _REACH_MARGIN_M,
 ) -> DistanceField:
     """The distance field of a bone where a body can reach it, after checks of both; kept for the next body that is as large.

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import math
 
-from explicitfe.fem.forces.bone import CREEP_M_S, penalty
+from explicitfe.fem.forces.bone import penalty
 from explicitfe.fem.forces.surface_search import find_touching
 from explicitfe.platform.compiled.contact_arrays import REACH, RUBBING, SPEED, STIFFER
 from explicitfe.platform.compiled.jit import leaf, part_of_kernels
@@ -26,6 +26,7 @@ from explicitfe.platform.compiled.jit import leaf, part_of_kernels
 # Two nodes approach each other by up to twice the distance that one moves in the last step. That step may have been twice as
 # long as this one.
 ENTRY_STEPS = 4.0
+CREEP_M_S = 1e-3
 
 
 @leaf

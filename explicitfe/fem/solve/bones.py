@@ -1,4 +1,4 @@
-"""The bones of a model as arrays for the kernels: positions, contact nodes and attachments."""
+"""The bones of a model as arrays for the kernels: positions, contact faces and attachments."""
 
 from __future__ import annotations
 
@@ -9,51 +9,174 @@ import scipy
 
 from explicitfe.fem.bones.motion import RigidMotion
 from explicitfe.fem.forces.bone import CONTACT_STIFFNESS_PA_M
-from explicitfe.fem.mesh.hexmesh import HexMesh, shape_functions
+from explicitfe.fem.mesh.hexmesh import FACES, HexMesh, free_faces, shape_functions
 from explicitfe.fem.mesh.surface_points import surface_areas, surface_normals
 from explicitfe.fem.model.model import Attachment, Bone
-from explicitfe.platform.compiled.arrays import PLACEMENT, ROTATION, SHIFT, SPEED, SPIN, Bones, Ties
+from explicitfe.platform.compiled.arrays import PLACEMENT, ROTATION, SHIFT, SPEED, SPIN, Nodes, Part, Ties, zeros
+from explicitfe.platform.compiled.contact_arrays import CONTACT_POINTS, POINTS_ALONG_EDGE, Bones
+from explicitfe.platform.compiled.simd import ROW, WIDTH
 from explicitfe.platform.host.kept import kept
 from explicitfe.platform.host.stored import store_answers
 
 # Where a bone begins beyond the depth at rest: were it there, rounding would tell which points touch before anything moves.
 REST_GAP_M = 1e-12
+BANDS_M = (0.5e-3, 1.5e-3, 3e-3, 6e-3, 10e-3)  # of the distance of faces from bone at rest: see ``bones_of``
+_NEVER_M = 1e3  # rest depth of a face that touches nothing
 SPEED_INTERVAL_S = 1e-6  # over which the speed of a moving bone is differenced
 
 
-def bones_of(bones: Sequence[Bone], mesh: HexMesh, place: np.ndarray, mass: np.ndarray, held: np.ndarray) -> Bones:
-    """Bones, and the nodes of the body's surface that may touch them.
+def bones_of(
+    bones: Sequence[Bone], mesh: HexMesh, place: np.ndarray, position: np.ndarray, masses: Nodes, parts: Sequence[Part]
+) -> Bones:
+    """Bones, and the faces of the body's surface that may touch them.
 
     Parameters
     ----------
     mesh : the body.
     place : (n,) row of each node in computing order.
-    mass : (n,) kg.
-    held : (n,) nodes that do not move or follow a course: they are no contact points.
+    position : (N, 4) m. Node rows of reference positions.
+    masses : of the nodes. A face of nodes alone that do not move or follow a course touches nothing.
+    parts : of the body. A face belongs to the one that has its lowest row.
     """
-    areas = surface_areas(mesh) if bones else np.zeros(mesh.node_count)
-    nodes = np.flatnonzero((areas > 0.0) & ~held)
-    nodes = nodes[np.argsort(place[nodes])]
-    spring = CONTACT_STIFFNESS_PA_M * areas[nodes]
-    depth = [REST_GAP_M + np.maximum(0.0, -_distance(bone, _at_rest(bone, mesh.points[nodes]))) for bone in bones]
+    element, face = free_faces(mesh.hexes) if bones else (np.zeros(0, dtype=np.int64),) * 2
+    quads = mesh.hexes[element[:, None], FACES[face]]
+    mass, mobility = masses.mass[place, 0], masses.inverse_mass[place, :3].max(axis=1)
+    quads = quads[(mobility[quads] > 0.0).any(axis=1)]
+    share, areas = _points_of(mesh.points[quads])
+    places = np.einsum("ap,fak->fpk", share, mesh.points[quads]).reshape(-1, 3)
+    distances = np.array([_distance(bone, _at_rest(bone, places)) for bone in bones]).reshape(len(bones), *areas.shape)
+    # faces of a block come to bone at one time: the same one is nearest to them, at about the same distance
+    nearest = distances.min(axis=2, initial=np.inf)
+    band = np.searchsorted(BANDS_M, nearest.min(axis=0, initial=np.inf))
+    if bones:
+        band = len(bones) * band + nearest.argmin(axis=0)
+    lanes_of_parts = _in_blocks(place[quads].min(axis=1), mesh.points[quads].mean(axis=1), band, parts)
+    lane = np.concatenate(lanes_of_parts)
+    idle, number = lane < 0, np.maximum(lane, 0)
+
+    def in_lanes(values: np.ndarray, without: float) -> np.ndarray:
+        """Values (f, ...) of faces in lanes, (B, ..., W), with that of no face."""
+        lanes = zeros((len(lane), *values.shape[1:], WIDTH), values.dtype)
+        if len(lane):
+            lanes[:] = np.moveaxis(values[number], 1, -1)
+            np.moveaxis(lanes, -1, 1)[idle] = without
+        return lanes
+
+    nodes, corner = np.unique(quads, return_inverse=True)
+    corner = corner.reshape(quads.shape)
+    area = surface_areas(mesh)[nodes]
     grids = [np.ascontiguousarray(bone.field.values, dtype=float) for bone in bones]
     sizes = [grid.size for grid in grids]
+    origin = np.array([bone.field.origin_m for bone in bones], dtype=float).reshape(-1, 3)
+    shape = np.array([grid.shape for grid in grids], dtype=np.int64).reshape(-1, 3)
+    spacing = np.array([bone.field.spacing_m for bone in bones], dtype=float)
+    farthest = np.maximum(np.abs(origin), np.abs(origin + spacing[:, None] * (shape - 1)))
+    # lanes without a face have the rows of another one
+    rows = np.ascontiguousarray(np.moveaxis(place[quads][number] if len(lane) else np.zeros((0, WIDTH, 4)), 1, -1), np.uint32)
+    blocks = [len(one) for one in lanes_of_parts]
+    first_row = np.repeat([part.first for part in parts], blocks).astype(np.uint32)
+    rubbing = len(bones) if any(bone.friction > 0.0 for bone in bones) else 0
     return Bones(
-        node=place[nodes].astype(np.int64),
-        position=np.ascontiguousarray(mesh.points[nodes]),
-        spring=spring,
-        damper=np.array([2.0 * bone.damping * np.sqrt(spring * mass[nodes]) for bone in bones]).reshape(len(bones), len(nodes)),
-        rest_depth=np.array(depth).reshape(len(bones), len(nodes)),
+        begin=np.concatenate([[0], np.cumsum(blocks)]),
+        rows=np.uint32(ROW) * rows,
+        own_rows=np.uint32(ROW) * (rows - first_row[:, None, None]),
+        face=lane,
+        node=in_lanes(corner.astype(np.int64), 0),
+        user=nodes.astype(np.int64),
+        area=area,
+        position=position,
+        share=share,
+        spring=in_lanes(CONTACT_STIFFNESS_PA_M * areas, 0.0),
+        damper=in_lanes(2.0 * np.sqrt((mass[nodes] / area)[corner].mean(axis=1) / CONTACT_STIFFNESS_PA_M), 0.0),
+        mobility=in_lanes(CONTACT_STIFFNESS_PA_M * (mobility[nodes] * area)[corner].mean(axis=1), 0.0),
+        rest_depth=np.array([in_lanes(REST_GAP_M + np.maximum(0.0, -one), _NEVER_M) for one in distances]).reshape(
+            len(bones), len(lane), CONTACT_POINTS, WIDTH
+        ),
         start=np.concatenate([[0], np.cumsum(sizes)[:-1]]).astype(np.int64)[: len(bones)],
-        shape=np.array([grid.shape for grid in grids], dtype=np.int64).reshape(-1, 3),
-        origin=np.array([bone.field.origin_m for bone in bones], dtype=float).reshape(-1, 3),
-        spacing=np.array([bone.field.spacing_m for bone in bones], dtype=float),
+        shape=shape,
+        origin=origin,
+        spacing=spacing,
+        reach=np.linalg.norm(farthest, axis=1),
         distance=np.concatenate([grid.ravel() for grid in grids] or [np.zeros(0)]),
         friction=np.array([bone.friction for bone in bones], dtype=float),
+        damping=np.array([bone.damping for bone in bones], dtype=float),
         moves=np.array([bone.motion is not None for bone in bones], dtype=np.int64),
         smooth=np.array([bone.smooth for bone in bones], dtype=np.int64),
-        free=np.zeros((1 + len(bones), len(nodes), 4)),
+        speeds=zeros((len(parts), 8)),
+        travel=zeros((len(parts), 8)),
+        until=np.full((len(bones), len(lane)), -1.0),
+        until_point=np.full((len(bones) * len(lane), CONTACT_POINTS), -1.0),
+        bent=zeros((rubbing, len(lane), CONTACT_POINTS, 3, WIDTH)),
+        drag=zeros((len(bones), len(lane), 4, 3, WIDTH)),
+        touching=np.zeros(len(bones) * len(lane), dtype=np.int64),
+        lanes=zeros((WIDTH,)),
     )
+
+
+def _in_blocks(lowest: np.ndarray, middle: np.ndarray, band: np.ndarray, parts: Sequence[Part]) -> list[np.ndarray]:
+    """The faces of each part in blocks, (blocks, W) each, -1 where a lane has none.
+
+    Parameters
+    ----------
+    lowest : (f,) lowest row of each face.
+    middle : (f, 3) m. Where it is at rest.
+    band : (f,) number; faces of a block have the same one, and are neighbours.
+    """
+    ends = [*(part.first for part in parts[1:]), np.inf]
+    blocks = []
+    for part, end in zip(parts, ends, strict=True):
+        own = (lowest >= part.first) & (lowest < end)
+        groups = [np.flatnonzero(own & (band == one)) for one in np.unique(band)]
+        rows = [block for group in groups if len(group) for block in _halved(group, middle)]
+        lanes = np.full((len(rows), WIDTH), -1)
+        for lane, row in zip(lanes, rows, strict=True):
+            lane[: len(row)] = row
+        blocks.append(lanes)
+    return blocks
+
+
+def _halved(faces: np.ndarray, middle: np.ndarray) -> list[np.ndarray]:
+    """Faces in blocks of W neighbours: halved across where they reach farthest, and again."""
+    if len(faces) <= WIDTH:
+        return [faces]
+    at = middle[faces]
+    order = np.argsort(at[:, np.argmax(np.ptp(at, axis=0))], kind="stable")
+    half = -(-len(faces) // WIDTH) // 2 * WIDTH
+    return [*_halved(np.sort(faces[order[:half]]), middle), *_halved(np.sort(faces[order[half:]]), middle)]
+
+
+def state_of_friction(bones: Bones) -> np.ndarray:
+    """What a restart needs: how far tangential springs are bent, (bones, f, P, 3) m; (0, ...) without friction."""
+    lanes = np.moveaxis(bones.bent, -1, 2)  # (bones, B, W, P, 3)
+    bent = np.zeros((len(lanes), bones.face.max(initial=-1) + 1, *lanes.shape[3:]))
+    bent[:, bones.face[bones.face >= 0]] = lanes[:, bones.face >= 0]
+    return bent
+
+
+def restore_friction(bones: Bones, state: np.ndarray) -> None:
+    """Take over the result of ``state_of_friction``, of a run with any number of threads."""
+    for lanes, bent in zip(np.moveaxis(bones.bent, -1, 2), state, strict=False):
+        lanes[bones.face >= 0] = bent[bones.face[bones.face >= 0]]
+
+
+def look_up_again(bones: Bones) -> None:
+    """Let all faces be looked up at the next instant."""
+    bones.until[:], bones.until_point[:], bones.travel[:] = -1.0, -1.0, 0.0
+
+
+def _points_of(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Shape functions (4, P) of the corners (f, 4, 3) m of faces at their contact points, and the areas of these (f, P), m^2.
+
+    By the trapezoidal rule, which shares an even pressure out among the corners as their shape functions do.
+    """
+    places, widths = np.linspace(-1.0, 1.0, POINTS_ALONG_EDGE), np.full(POINTS_ALONG_EDGE, 2.0 / (POINTS_ALONG_EDGE - 1))
+    widths[[0, -1]] *= 0.5
+    r, s = (at.ravel() for at in np.meshgrid(places, places, indexing="ij"))
+    sign = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+    along_r, along_s = 1.0 + sign[:, :1] * r, 1.0 + sign[:, 1:] * s
+    tangents = [np.einsum("ap,fak->fpk", d, corners) for d in (sign[:, :1] * along_s / 4.0, sign[:, 1:] * along_r / 4.0)]
+    areas = np.linalg.norm(np.cross(*tangents), axis=2) * np.outer(widths, widths).ravel()
+    return np.ascontiguousarray(along_r * along_s / 4.0), areas
 
 
 def _distance(bone: Bone, points: np.ndarray) -> np.ndarray:

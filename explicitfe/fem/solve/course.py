@@ -206,6 +206,6 @@ def gather(state, shared, actions, instant, dt, ledgers, samples, number):
     add_surface_pressure(actions.surfaces, samples.pressed[number], samples.pairs[number])
     bones = actions.bones
     for bone in range(len(bones.start)):
-        for point in range(len(bones.node)):
+        for point in range(len(samples.touching)):
             samples.pressure[number, bone, samples.touching[point]] = samples.point_pressure[bone, point]
     return 0.0

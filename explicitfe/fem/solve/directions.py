@@ -20,6 +20,7 @@ from explicitfe.platform.errors import InputError
 
 SHARE_OF_VALUE = 1e-5  # of a value: rounding of 1e-16 / 1e-5, and an error of (1e-5)^4
 LINEAR_WITHIN = 1e-9  # curvature relative to the difference of an array that is taken to be linear
+_OF_BONES = ("spring", "damper", "mobility", "damping", "distance", "origin", "friction")  # what their force depends on
 CENTRAL = "take central differences of two runs with a fixed analysis.step_us instead"
 
 
@@ -148,7 +149,10 @@ def _other_inputs(simulation: Simulation) -> dict[str, np.ndarray]:
         "drag": np.concatenate([loads.drag.linear.ravel(), loads.drag.quadratic.ravel()]),
         "the course of a load": np.concatenate([np.zeros(0), *(c.time_s for c in courses), *(c.scale for c in courses)]),
         "contact with bones": np.concatenate(
-            [bones.spring, bones.damper.ravel(), bones.distance, bones.origin.ravel(), bones.friction]
+            [
+                np.ravel(getattr(bones, name))
+                for name in ("spring", "damper", "mobility", "damping", "distance", "origin", "friction")
+            ]
         ),
         "the motion of bones": loads.bones(np.linspace(0.0, 1.0, 11))[0],
         "ties to bones": np.concatenate([ties.stiffness, ties.bone_stiffness, ties.excess]),

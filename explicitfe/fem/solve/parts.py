@@ -19,25 +19,17 @@ def usual_threads(elements: int, each: int = ELEMENTS_PER_THREAD) -> int:
     return max(1, min(cores(), elements // each))
 
 
-def parts_of(
-    state: State,
-    blocks: Blocks,
-    count: int,
-    contact_rows: np.ndarray | None = None,
-    loaded_rows: np.ndarray | None = None,
-) -> list[Part]:
+def parts_of(state: State, blocks: Blocks, count: int, loaded_rows: np.ndarray | None = None) -> list[Part]:
     """The blocks in ``count`` runs of equal length, or in fewer where a run would share nodes with more than the next one.
 
-    ``contact_rows`` are the rows of the points that may touch a bone, rising: each belongs to the part whose own row it is.
     ``loaded_rows`` are those on which external forces may act.
     """
     loaded = np.zeros(len(state.u), dtype=np.uint8)
     loaded[[] if loaded_rows is None else loaded_rows] = 1
-    rows = np.zeros(0) if contact_rows is None else contact_rows
     total = len(blocks.nodes)
     meeting = gate()
     if count < 2:
-        whole = (state.u, state.force, state.force[:0], blocks, _runs(loaded), 0, len(rows))
+        whole = (state.u, state.force, state.force[:0], blocks, _runs(loaded))
         return [Part(0, 1, meeting, 0, len(state.u), *whole)]
     bounds = np.linspace(0, total, min(count, total) + 1).astype(int)
     runs = [blocks.nodes[a:b] // np.uint32(ROW) for a, b in pairwise(bounds)]
@@ -47,7 +39,7 @@ def parts_of(
     after = [max(int(run.max()) // 2 * 2 + 2, begin) for run, begin in zip(runs[:-1], first[1:], strict=True)] + [len(state.u)]
     owned = np.diff(begins)
     if any(owned <= 0) or any(end > begin for end, begin in zip(after, begins[2:], strict=False)):
-        return parts_of(state, blocks, count - 1, contact_rows, loaded_rows)
+        return parts_of(state, blocks, count - 1, loaded_rows)
     forces = [zeros((b - a, ROW)) for a, b in zip(first, after, strict=True)]
     parts = []
     for k, (a, b) in enumerate(pairwise(bounds)):
@@ -55,10 +47,10 @@ def parts_of(
         touched = slice(first[k], after[k])
         places = np.uint32(ROW) * (runs[k] - np.uint32(first[k]))
         own_blocks = blocks.between(a, b)._replace(nodes=places, position=blocks.position[touched])
-        near, far = np.searchsorted(rows, [begins[k], begins[k + 1]])
         runs_loaded = _runs(loaded[begins[k] : begins[k + 1]])
-        others = state.u[touched], forces[k], lower, own_blocks, runs_loaded, int(near), int(far)
-        parts.append(Part(k, len(runs), meeting, first[k], int(owned[k]), *others))
+        parts.append(
+            Part(k, len(runs), meeting, first[k], int(owned[k]), state.u[touched], forces[k], lower, own_blocks, runs_loaded)
+        )
     return parts
 
 

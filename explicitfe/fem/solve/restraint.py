@@ -10,7 +10,7 @@ from explicitfe.platform.compiled.threads import wait
 
 def hold(force, u, state, part, actions, instant):
     """Add to all rows the pull of ties at displacement u, and the change of contact since the present state, linearised."""
-    if len(actions.bones.node) + len(actions.ties.node) + len(actions.surfaces.node) > 0:
+    if len(actions.bones.rows) + len(actions.ties.node) + len(actions.surfaces.node) > 0:
         wait(part.gate, part.parts)
         if part.number == 0:
             add_contact_stiffness(force, u, state.u, actions.bones, actions.bone_placement, instant)

@@ -11,7 +11,7 @@ from explicitfe.fem.inputs.argument import count_like, number_from_zero
 from explicitfe.fem.inputs.limits import ThreadCount
 from explicitfe.fem.model.model import Model
 from explicitfe.fem.solve.body import Body
-from explicitfe.fem.solve.bones import bones_of, ties_of
+from explicitfe.fem.solve.bones import bones_of, look_up_again, restore_friction, state_of_friction, ties_of
 from explicitfe.fem.solve.course import LIMIT_ALONE, NO_LOOKS
 from explicitfe.fem.solve.loads import Loads
 from explicitfe.fem.solve.observe import TURNS_LATER, Recording, Snapshot, lookers_of, looks_of, samples_of, shape_numbers
@@ -90,13 +90,9 @@ class Simulation(Body):
         self.loads = Loads(model, self._place)
         # Beside attached masses the damping of the tissue is a force on its own mass; see ``Loads``.
         self.alpha_per_s = 0.0 if model.masses else float(model.alpha_per_s)
-        held = np.all(self.nodes.inverse_mass[self._place, :3] == 0.0, axis=1)
-        self.bones = bones_of(model.bones, model.mesh, self._place, self.nodal_mass, held)
         self.ties = ties_of(model.attachments, model.mesh, self._place)
         self.surfaces = surfaces_of(model, self._place, self.nodal_mass)
-        stiffest = self.bones.spring * self.nodes.inverse_mass[self.bones.node].max(axis=1)
         pressed = highest_contact(self.surfaces, self.state.v, self.nodes.inverse_mass)
-        self._contact_frequency = float(np.sqrt(max(stiffest.max(initial=0.0), pressed)))  # of a point on a surface alone [1/s]
         self.bodies_in_contact = bodies_in_contact(model.mesh, self.surfaces)
         self._external = zeros(self.state.u.shape)
         self._planned = np.zeros((0 if model.motion is None else len(model.motion.nodes), 3))
@@ -110,7 +106,10 @@ class Simulation(Body):
         running = self.blocks._replace(new=self.blocks.old)
         share = 1 if model.motion or model.weights else threads or usual_threads(len(self.hexes))
         loaded = np.concatenate([self.loads.rows, self.ties.node, self.surfaces.node])
-        self.parts = parts_of(self.state, running, share, self.bones.node, loaded)
+        self.parts = parts_of(self.state, running, share, loaded)
+        self.bones = bones_of(model.bones, model.mesh, self._place, self.blocks.position, self.nodes, self.parts)
+        # of a point on a surface alone [1/s]
+        self._contact_frequency = float(np.sqrt(max(self.bones.mobility.max(initial=0.0), pressed)))
         self._ledgers = np.zeros((len(self.parts), LEDGER))
         self._looks = looks_of(self.nodes, len(self.parts))
         self.lookers = lookers_of(self.parts, self.blocks, self.state, self._looks)
@@ -303,9 +302,8 @@ class Simulation(Body):
         """Memory for ``room`` samples of this body."""
         lane = np.empty(len(self.hexes), dtype=np.int64)
         lane[self.element_order] = np.arange(len(lane))
-        touching = np.ascontiguousarray(self.node_order[self.bones.node], dtype=np.int64)
         return Recording(
-            self.model, samples_of(room, self._place, lane, touching, len(self.surfaces.pairs), self.model, self.state)
+            self.model, samples_of(room, self._place, lane, self.bones.user, len(self.surfaces.pairs), self.model, self.state)
         )
 
     @property
@@ -352,6 +350,7 @@ class Simulation(Body):
             "steps": np.array([self.steps, self._index], dtype=np.int64),
             "weights": self.loads.weights.state.copy(),
             "surfaces": state_of_contact(self.surfaces),
+            "bent": state_of_friction(self.bones),
         }
 
     def restore(self, state: dict[str, np.ndarray]) -> None:
@@ -368,6 +367,7 @@ class Simulation(Body):
         self._ledgers[:] = state["ledgers"]
         self.blocks.old[:] = state["memory"]
         self.loads.weights.state[:] = state.get("weights", self.loads.weights.state)  # older files have none
+        restore_friction(self.bones, state.get("bent", state_of_friction(self.bones)))
         restore_contact(self.surfaces, state.get("surfaces", state_of_contact(self.surfaces)))
         self.time_s, self.dt_s, self._origin_s = (float(x) for x in state["times"])
         self.steps, self._index = (int(x) for x in state["steps"])
@@ -431,6 +431,7 @@ class Simulation(Body):
         others = (self._for_all_parts(self.kernels.addresses(first)), actions, samples, 0, span, self._ledgers)
         gate = self.parts[0].gate
         gate[:] = 0
+        look_up_again(self.bones)  # the state may have changed
         tasks = [
             lambda part=part, looker=looker: self.kernels.course(self.state, part, looks, looker, *others)
             for part, looker in zip(self.parts, lookers, strict=True)

@@ -12,7 +12,7 @@ section 9.1; Belytschko et al. 2014, section 6.2.3 averages velocities instead, 
 from __future__ import annotations
 
 from explicitfe.fem.forces.apart import add_surfaces, surfaces_loss
-from explicitfe.fem.forces.bone import rest_on_bones
+from explicitfe.fem.forces.bone import bones_loss, fastest_bone, rest_on_bones
 from explicitfe.fem.forces.contraction import contraction_work
 from explicitfe.fem.forces.dead import add_dead_loads
 from explicitfe.fem.forces.drag import add_drag
@@ -34,9 +34,13 @@ from explicitfe.platform.compiled.arrays import (
     Recurrence,
 )
 from explicitfe.platform.compiled.contact_arrays import FARTHEST, SPEED
+from explicitfe.platform.compiled.jit import leaf
 from explicitfe.platform.compiled.pieces import call_at
-from explicitfe.platform.compiled.simd import ROW, WIDTH, load, load_fourth, splat, store, sum_lanes
+from explicitfe.platform.compiled.simd import ROW, WIDTH, load, load_fourth, min_lanes, splat, store, sum_lanes
+from explicitfe.platform.compiled.simd_lookup import absolute, larger
 from explicitfe.platform.compiled.threads import ask_to_stop, asked_to_stop, wait
+
+DIAGONAL = 3**0.5  # a speed over its largest component
 
 
 def forces(force_at, u, force, blocks):
@@ -68,6 +72,7 @@ def advance(state, part, shared, actions, dt_before, dt, stiffest, most_fall, fi
     motion, muscles = actions.motion, actions.muscles
     bones, placement = actions.bones, actions.bone_placement
     force, shift, own = part.force, part.first * ROW, part.own * ROW
+    near, far = bones.begin[part.number], bones.begin[part.number + 1]
     if part.parts > 1:
         for here in range(0, own, WIDTH):
             store(force, here, load(whole, here + shift))
@@ -81,6 +86,12 @@ def advance(state, part, shared, actions, dt_before, dt, stiffest, most_fall, fi
         keep = (1.0 - 0.5 * alpha * h) / (1.0 + 0.5 * alpha * h)
         gain = h / (1.0 + 0.5 * alpha * h)
         driven_work, driven_loss = 0.0, 0.0
+        recurrence = Recurrence(keep, gain, 0.5 * dt, 0.5 * dt_before)
+        # what these add to the rows of the next part gets there with its elements' forces
+        range_of = near, far, bones.travel[part.number, 0]
+        rubbed_before, bone_work, _, touching = rest_on_bones(
+            force, bones.own_rows, u, v, bones, placement, step, range_of, recurrence, shared.unrecorded
+        )
         if part.number == 0:
             add_dead_loads(external, actions.dead, actions.activation, step)
             add_follower_fibres(external, u, actions.fibres, actions.activation, step)
@@ -95,15 +106,12 @@ def advance(state, part, shared, actions, dt_before, dt, stiffest, most_fall, fi
             break
         for here in range(0, part.lower.size, WIDTH):
             store(force, here, load(force, here) + load(part.lower, here))
-        recurrence = Recurrence(keep, gain, 0.5 * dt, 0.5 * dt_before)
-        friction_loss, bone_work, _ = rest_on_bones(
-            force, part.first, state, external, nodes, bones, placement, step, part.near, part.far, recurrence, shared.unrecorded
-        )
         # a model with weights has one part, which has all forces
         pull_weights(external, force, u, v, nodes.update, actions.weights, actions.activation, step, keep, gain, h, dt)
         move_weights(actions.weights, h, dt)
         work = splat(0.0)
         loss = splat(0.0)
+        fastest = splat(0.0)
         for run in range(len(part.loaded)):
             begin, end = run * (SWEEP_ROWS * ROW), min((run + 1) * (SWEEP_ROWS * ROW), own)
             if part.loaded[run]:
@@ -111,6 +119,7 @@ def advance(state, part, shared, actions, dt_before, dt, stiffest, most_fall, fi
                     at = here + shift
                     old, push, mass = load(v, at), load(external, at), load_fourth(nodes.update, at)
                     new = keep * old + gain * load(nodes.update, at) * (load(force, here) + push)
+                    fastest = larger(absolute(new), fastest)
                     store(v, at, new)
                     store(u, at, load(u, at) + dt * new)
                     store(force, here, splat(0.0))
@@ -123,20 +132,22 @@ def advance(state, part, shared, actions, dt_before, dt, stiffest, most_fall, fi
                     at = here + shift
                     old, mass = load(v, at), load_fourth(nodes.update, at)
                     new = keep * old + gain * load(nodes.update, at) * load(force, here)
+                    fastest = larger(absolute(new), fastest)
                     store(v, at, new)
                     store(u, at, load(u, at) + dt * new)
                     store(force, here, splat(0.0))
                     loss = loss + mass * (old + new) * (0.5 * (dt_before * old + dt * new))
-        place(u, v, motion, actions.planned, step)
+        bones.speeds[part.number, 0] = max(place(u, v, motion, actions.planned, step), -min_lanes(-fastest))
         if part.number == 0:
             for muscle in range(muscles.shape[1]):
                 part.blocks.activation[muscle, 0] = muscles[step + 1, muscle]
         ledger[EXTERNAL_WORK] += sum_lanes(work) + driven_work + bone_work
         ledger[DAMPING_LOSS] += 0.5 * alpha * (sum_lanes(loss) + driven_loss)
-        ledger[CONTACT_LOSS] += friction_loss
         behind = 0.5 * dt_before
         dt_before = dt
         wait(part.gate, part.parts)
+        ledger[CONTACT_LOSS] += rubbed_before + bones_loss(bones, near, touching, v, 0.5 * dt)
+        bones.travel[part.number, 0] += dt * (DIAGONAL * fastest_of(bones.speeds) + fastest_bone(bones, placement, step + 1))
         if part.number == 0:  # their pull is among the external forces, whose work it has lowered
             rubbed = surfaces_loss(actions.surfaces, v, behind, 0.5 * dt)
             ledger[EXTERNAL_WORK] += rubbed
@@ -169,6 +180,16 @@ def advance(state, part, shared, actions, dt_before, dt, stiffest, most_fall, fi
     return done
 
 
+@leaf
+def fastest_of(speeds):
+    """The largest speed of all parts [m/s]; NaN if one is."""
+    fastest = speeds[0, 0]
+    for part in range(1, len(speeds)):
+        if not speeds[part, 0] <= fastest:
+            fastest = speeds[part, 0]
+    return fastest
+
+
 def snapshot(state, shared, actions, instant, dt, ledger, rows, record, lanes, energies):
     """Write the energies (ENERGIES,) [J] at an instant, that of the state, and what is recorded there; the state is only read.
 
@@ -197,8 +218,9 @@ def snapshot(state, shared, actions, instant, dt, ledger, rows, record, lanes, e
     record.pressure[:] = 0.0
     recurrence = Recurrence(keep, gain, 0.0, 0.5 * dt)
     first = 0 * instant  # a literal 0 would have a type of its own and compile the function again
-    friction_loss, bone_work, touching = rest_on_bones(
-        resting, first, state, external, nodes, bones, placement, instant, first, len(bones.node), recurrence, record
+    range_of = first, len(bones.rows), bones.travel[first, 0]
+    friction_loss, bone_work, touching, _ = rest_on_bones(
+        resting, bones.rows, u, v, bones, placement, instant, range_of, recurrence, record
     )
     pull_weights(external, resting, u, v, nodes.inverse_mass, actions.weights, actions.activation, instant, keep, gain, dt, dt)
     kinetic = splat(0.0)

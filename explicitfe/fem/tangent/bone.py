@@ -7,213 +7,120 @@ on which the state lies.
 
 from __future__ import annotations
 
-import math
-
-from explicitfe.fem.forces.bone import (
-    STIFFENING_DEPTH_M,
-    TANGENTIAL_DAMPER_SHARE,
-    cell,
-    depth_in,
-    is_far,
-    penalty,
-    smooth_distance,
-)
-from explicitfe.fem.forces.dead import add_dead_loads
-from explicitfe.fem.forces.follower import add_follower_fibres
-from explicitfe.fem.forces.ties import add_ties
+from explicitfe.fem.forces.bone import STIFFENING_DEPTH_M, into_bone, out_of_bone, penalty, speed_of_bone
+from explicitfe.fem.forces.distance_grid import place_in_grid, smooth_distance
+from explicitfe.fem.forces.face_lanes import at_point, dot, minus, plus, times
 from explicitfe.fem.tangent.arrays import COMPONENTS
-from explicitfe.platform.compiled.arrays import ROTATION, SHIFT, SPEED, SPIN
+from explicitfe.platform.compiled.arrays import SHIFT, SPIN
+from explicitfe.platform.compiled.contact_arrays import CONTACT_POINTS
 from explicitfe.platform.compiled.jit import leaf, part_of_kernels
-from explicitfe.platform.compiled.simd import WIDTH, load, splat, store
+from explicitfe.platform.compiled.simd import ROW, WIDTH, load_many, splat, store
+from explicitfe.platform.compiled.simd_lookup import any_positive, is_positive
 
 
 @leaf
-def in_bone(placement, instant, bone, x, y, z):
-    """A vector of space in the frame of a bone: R^T x."""
-    R = ROTATION
+def _corner(values, node):
+    """The same vector in all lanes, which are directions."""
+    return splat(values[node, 0]), splat(values[node, 1]), splat(values[node, 2])
+
+
+@leaf
+def _row(bones, block, lane, corner):
+    """Number of the node row of a corner of a face."""
+    return int(bones.rows[block, corner, lane]) // ROW
+
+
+@leaf
+def _corners(bones, block, lane, values):
+    """The vectors of node rows at the corners of a face."""
     return (
-        placement[instant, bone, R] * x + placement[instant, bone, R + 3] * y + placement[instant, bone, R + 6] * z,
-        placement[instant, bone, R + 1] * x + placement[instant, bone, R + 4] * y + placement[instant, bone, R + 7] * z,
-        placement[instant, bone, R + 2] * x + placement[instant, bone, R + 5] * y + placement[instant, bone, R + 8] * z,
+        _corner(values, _row(bones, block, lane, 0)),
+        _corner(values, _row(bones, block, lane, 1)),
+        _corner(values, _row(bones, block, lane, 2)),
+        _corner(values, _row(bones, block, lane, 3)),
     )
 
 
 @leaf
-def in_space(placement, instant, bone, x, y, z):
-    """A vector of the frame of a bone in space: R x."""
-    R = ROTATION
+def _change(values, group, node):
+    return load_many(values, ((group * values.shape[1] + node) * COMPONENTS) * WIDTH, COMPONENTS)
+
+
+@leaf
+def _changes(bones, block, lane, values, group):
+    """The changes of the vectors at the corners of a face, for a group of directions."""
     return (
-        placement[instant, bone, R] * x + placement[instant, bone, R + 1] * y + placement[instant, bone, R + 2] * z,
-        placement[instant, bone, R + 3] * x + placement[instant, bone, R + 4] * y + placement[instant, bone, R + 5] * z,
-        placement[instant, bone, R + 6] * x + placement[instant, bone, R + 7] * y + placement[instant, bone, R + 8] * z,
+        _change(values, group, _row(bones, block, lane, 0)),
+        _change(values, group, _row(bones, block, lane, 1)),
+        _change(values, group, _row(bones, block, lane, 2)),
+        _change(values, group, _row(bones, block, lane, 3)),
     )
 
 
 @leaf
-def bend(bones, bone, x, y, z):
-    """Second derivatives xx, yy, zz, xy, xz, yz [1/m] of the distance at a point in the frame of a bone."""
-    first, a, b, c, _ = cell(bones, bone, x, y, z)
-    return smooth_distance(bones, bone, first, a, b, c)[2]
-
-
-@leaf
-def _dot(a, b):
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-
-
-@leaf
-def _along(a, n):
-    """A scalar or vector times three numbers."""
-    return a * n[0], a * n[1], a * n[2]
-
-
-@leaf
-def _plus(a, b):
-    return a[0] + b[0], a[1] + b[1], a[2] + b[2]
-
-
-@leaf
-def _minus(a, b):
-    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
-
-
-@leaf
-def _add_point(state, nodes, actions, instant, recurrence, tangents, point, bone, touch, before):
-    """Add the tangent of the contact force of one bone on one point; give the sum of the forces of the bones so far, (3,) N.
-
-    ``recurrence`` is keep, gain and their changes, and ``touch`` where the point is, how deep in the bone, and the gradient.
-    """
-    keep, gain, keep_change, gain_change = recurrence
-    at, p, g = touch
-    _, v, force = state
-    bones, placement = actions.bones, actions.bone_placement
-    node = bones.node[point]
+def _add_point(bones, bone, block, lane, point, state, placement, instant, gains, tangents):
+    """Add the tangent of the contact force of one bone on one point."""
+    gain, gain_change = gains
+    R = placement[instant, bone]
     moves = bones.moves[bone] != 0
-    x, y, z = at
-    local = at
-    w, spin = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    x = at_point(bones, point, _corners(bones, block, lane, bones.position))
+    x = plus(x, at_point(bones, point, _corners(bones, block, lane, state.u)))
+    v = at_point(bones, point, _corners(bones, block, lane, state.v))
+    place = x
     if moves:
-        s = SHIFT
-        local = in_bone(
-            placement, instant, bone,
-            x - placement[instant, bone, s], y - placement[instant, bone, s + 1], z - placement[instant, bone, s + 2],
-        )  # fmt: skip
-        R = placement[instant, bone]
-        spin = (R[SPIN], R[SPIN + 1], R[SPIN + 2])
-        w = (
-            R[SPEED] + spin[1] * z - spin[2] * y,
-            R[SPEED + 1] + spin[2] * x - spin[0] * z,
-            R[SPEED + 2] + spin[0] * y - spin[1] * x,
-        )
-    xx, yy, zz, xy, xz, yz = bend(bones, bone, local[0], local[1], local[2])
+        place = minus(x, (R[SHIFT], R[SHIFT + 1], R[SHIFT + 2]))
+        v = minus(v, speed_of_bone(placement, instant, bone, x))
+    place, slip = into_bone(bones, placement, instant, bone, place), into_bone(bones, placement, instant, bone, v)
+    (cx, cy, cz), outside = place_in_grid(bones, bone, place)
+    d, g, (xx, yy, zz, xy, xz, yz) = smooth_distance(bones, bone, cx, cy, cz)
+    p = -d - bones.rest_depth[bone, block, point, lane]
+    if not any_positive(p) or any_positive(outside):
+        return
 
     # the force, as in forces/bone.py
-    spring, damper = bones.spring[point], bones.damper[bone, point]
-    push, stiffness, _ = penalty(spring, p, STIFFENING_DEPTH_M)
-    size = math.sqrt(_dot(g, g))
-    n = _along(1.0 / size, g)
-    elastic = _along(push, g)
-    mobility = (gain * nodes.inverse_mass[node, 0], gain * nodes.inverse_mass[node, 1], gain * nodes.inverse_mass[node, 2])
-    external = tangents.external
-    total = (
-        force[node, 0] + external[node, 0] + before[0] + elastic[0],
-        force[node, 1] + external[node, 1] + before[1] + elastic[1],
-        force[node, 2] + external[node, 2] + before[2] + elastic[2],
-    )
-    m = (
-        0.5 * ((1.0 + keep) * v[node, 0] + mobility[0] * total[0]) - w[0],
-        0.5 * ((1.0 + keep) * v[node, 1] + mobility[1] * total[1]) - w[1],
-        0.5 * ((1.0 + keep) * v[node, 2] + mobility[2] * total[2]) - w[2],
-    )
-    largest = max(mobility[0], max(mobility[1], mobility[2]))
-    normal = _dot(m, n)
-    held = 1.0 / (1.0 + 0.5 * largest * damper)
-    brake, limit = -damper * normal * held, -push * size
-    limited = limit > brake
-    if limited:
-        brake = limit
-    t = _minus(m, _along(normal, n))
-    sliding = TANGENTIAL_DAMPER_SHARE * damper
-    left = 1.0 / (1.0 + 0.5 * largest * sliding)
-    drag = -(1.0 - left) / (0.5 * largest)
+    spring = bones.spring[block, point, lane]
+    push, stiffness, _ = penalty(splat(1.0), p, STIFFENING_DEPTH_M)
+    damper, mobility = bones.damping[bone] * bones.damper[block, lane], gain * bones.mobility[block, lane]
+    weaker = damper / (1.0 + mobility * damper)
+    speed = dot(slip, g)
+    press = push - weaker * speed
+    pressing = is_positive(press)
 
     for group in range(len(tangents.u)):
-        row = ((group * tangents.u.shape[1] + node) * COMPONENTS) * WIDTH
-        du = (load(tangents.u, row), load(tangents.u, row + WIDTH), load(tangents.u, row + 2 * WIDTH))
-        dv = (load(tangents.v, row), load(tangents.v, row + WIDTH), load(tangents.v, row + 2 * WIDTH))
-        df = (load(tangents.force, row), load(tangents.force, row + WIDTH), load(tangents.force, row + 2 * WIDTH))
-        local_change = du
+        du = at_point(bones, point, _changes(bones, block, lane, tangents.u, group))
+        dv = at_point(bones, point, _changes(bones, block, lane, tangents.v, group))
         if moves:
-            local_change = in_bone(placement, instant, bone, du[0], du[1], du[2])
+            spin = R[SPIN], R[SPIN + 1], R[SPIN + 2]
+            dw = spin[1] * du[2] - spin[2] * du[1], spin[2] * du[0] - spin[0] * du[2], spin[0] * du[1] - spin[1] * du[0]
+            dv = minus(dv, dw)
+        dx, dslip = into_bone(bones, placement, instant, bone, du), into_bone(bones, placement, instant, bone, dv)
         dg = (
-            xx * local_change[0] + xy * local_change[1] + xz * local_change[2],
-            xy * local_change[0] + yy * local_change[1] + yz * local_change[2],
-            xz * local_change[0] + yz * local_change[1] + zz * local_change[2],
+            xx * dx[0] + xy * dx[1] + xz * dx[2],
+            xy * dx[0] + yy * dx[1] + yz * dx[2],
+            xz * dx[0] + yz * dx[1] + zz * dx[2],
         )
-        if moves:
-            dg = in_space(placement, instant, bone, dg[0], dg[1], dg[2])
-        dpush = (-stiffness) * _dot(g, du)
-        along = _dot(n, dg)
-        dn = _along(1.0 / size, _minus(dg, (along * n[0], along * n[1], along * n[2])))
-        de = (push * dg[0] + g[0] * dpush, push * dg[1] + g[1] * dpush, push * dg[2] + g[2] * dpush)
-        df = _plus(df, de)
-        dkeep, dgain = splat(0.0), splat(0.0)
+        dweaker = splat(0.0)
         if len(tangents.alpha) > 0:
-            dalpha = load(tangents.alpha, group * WIDTH)
-            dkeep, dgain = keep_change * dalpha, gain_change * dalpha
-        dw = (spin[1] * du[2] - spin[2] * du[1], spin[2] * du[0] - spin[0] * du[2], spin[0] * du[1] - spin[1] * du[0])
-        dm = (
-            0.5 * ((1.0 + keep) * dv[0] + dkeep * v[node, 0] + mobility[0] * (df[0] + total[0] * dgain)) - dw[0],
-            0.5 * ((1.0 + keep) * dv[1] + dkeep * v[node, 1] + mobility[1] * (df[1] + total[1] * dgain)) - dw[1],
-            0.5 * ((1.0 + keep) * dv[2] + dkeep * v[node, 2] + mobility[2] * (df[2] + total[2] * dgain)) - dw[2],
-        )
-        dnormal = _dot(dm, n) + _dot(m, dn)
-        dmobility = largest * dgain
-        dbrake = -damper * held * (dnormal + (0.5 * damper * held * -normal) * dmobility)
-        if limited:
-            dbrake = -size * dpush - push * along
-        ddrag = (0.5 * sliding * left * -drag) * dmobility
-        dt = _minus(_minus(dm, (n[0] * dnormal, n[1] * dnormal, n[2] * dnormal)), _along(normal, dn))
-        for k in range(3):
-            change = brake * dn[k] + n[k] * dbrake + drag * dt[k] + t[k] * ddrag
-            store(tangents.force, row + k * WIDTH, df[k] + change)
-    return _plus(_plus(before, elastic), _plus(_along(brake, n), _along(drag, t)))
+            dalpha = load_many(tangents.alpha, group * WIDTH, 1)[0]
+            dweaker = (-weaker * weaker * mobility * gain_change) * dalpha
+        dpress = -stiffness * dot(g, dx) - weaker * (dot(dslip, g) + dot(slip, dg)) - speed * dweaker
+        df = times(pressing, plus(times(dpress, g), times(press, dg)))
+        df = out_of_bone(bones, placement, instant, bone, times(spring, df))
+        for corner in range(4):
+            at = ((group * tangents.u.shape[1] + _row(bones, block, lane, corner)) * COMPONENTS) * WIDTH
+            now = load_many(tangents.force, at, COMPONENTS)
+            for k in range(COMPONENTS):
+                store(tangents.force, at + k * WIDTH, now[k] + bones.share[corner, point] * df[k])
 
 
 @part_of_kernels
-def add_bone_changes(state, nodes, actions, instant, keep, gain, keep_change, gain_change, tangents):
-    """Add the changes of the forces of bones to ``tangents.force``, which has those of all other forces.
-
-    ``keep_change`` and ``gain_change`` are the derivatives of keep and of log(gain) by the damping alpha.
-    """
-    bones, placement = actions.bones, actions.bone_placement
-    u, _, _ = state
-    external = tangents.external
-    asked = False
-    for point in range(len(bones.node)):
-        node = bones.node[point]
-        moving = False
-        for bone in range(len(bones.start)):
-            moving = moving or bones.moves[bone] != 0
-        away = is_far(bones.free, 0, point, u[node, 0], u[node, 1], u[node, 2])
-        if away and not moving:
-            continue
-        x = bones.position[point, 0] + u[node, 0]
-        y = bones.position[point, 1] + u[node, 1]
-        z = bones.position[point, 2] + u[node, 2]
-        fx = fy = fz = 0.0  # of the bones before this one
-        for bone in range(len(bones.start)):
-            if away and not bones.moves[bone]:
+def add_bone_changes(state, actions, instant, gain, gain_change, tangents):
+    """Add the changes of the forces of bones to ``tangents.force``; ``gain_change`` is the derivative of log(gain) by alpha."""
+    bones, gains = actions.bones, (gain, gain_change)
+    for bone in range(len(bones.start)):
+        for block in range(len(bones.rows)):
+            if bones.until[bone, block] > bones.travel[0, 0]:
                 continue
-            p, gx, gy, gz, _ = depth_in(bones, bone, point, x, y, z, placement, instant)
-            if not p > 0.0:
-                continue
-            if not asked:
-                asked = True
-                external[:] = 0.0
-                add_dead_loads(external, actions.dead, actions.activation, instant)
-                add_follower_fibres(external, u, actions.fibres, actions.activation, instant)
-                add_ties(external, u, actions.ties, actions.tie_placement, instant)
-            recurrence = (keep, gain, keep_change, gain_change)
-            touch = ((x, y, z), p, (gx, gy, gz))
-            fx, fy, fz = _add_point(state, nodes, actions, instant, recurrence, tangents, point, bone, touch, (fx, fy, fz))
+            for lane in range(WIDTH):
+                for point in range(CONTACT_POINTS):
+                    _add_point(bones, bone, block, lane, point, state, actions.bone_placement, instant, gains, tangents)

@@ -30,7 +30,7 @@ def advance(state, part, shared, actions, dt_before, dt, stiffest, most_fall, fi
         keep, gain = (1.0 - 0.5 * shared.alpha * h) / half, h / half
         keep_change, gain_change = -h / (half * half), -0.5 * h / half
         add_changes(state, shared, actions, step, tangents)
-        add_bone_changes(state, shared.nodes, actions, step, keep, gain, keep_change, gain_change, tangents)
+        add_bone_changes(state, actions, step, gain, gain_change, tangents)
         for at in range(0, tangents.before.size, WIDTH):
             store(tangents.before, at, load(state.v, at))
         done = plain_advance(state, part, shared, actions, dt_before, dt, stiffest, most_fall, step, step + 1, ledger)

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import DTypeLike
 
 from explicitfe.platform.compiled.attached_arrays import Drag, TurningLoads, Weights
-from explicitfe.platform.compiled.contact_arrays import Surfaces
+from explicitfe.platform.compiled.contact_arrays import Bones, Surfaces
 from explicitfe.platform.compiled.simd import ROW, WIDTH
 
 # Entries of ``Blocks.corner``: the smallest volume ratio of a corner, relative to that at which the barrier begins, and the
@@ -85,8 +85,6 @@ class Part(NamedTuple):
     lower: np.ndarray  # the same of the part before, from this part's first row on; none in the first part
     blocks: Blocks  # with node numbers counted from ``first``
     loaded: np.ndarray  # whether external forces may act on each run of SWEEP_ROWS of its own rows, uint8, (runs,)
-    near: int = 0  # the first of the contact points that lie on its own rows
-    far: int = 0  # and the one after the last
 
 
 class Looks(NamedTuple):
@@ -126,7 +124,7 @@ class Samples(NamedTuple):
     taken: np.ndarray  # how many of them have been taken, int64, (1,)
     node: np.ndarray  # row of each node, int64, (n,)
     element: np.ndarray  # lane of each element, int64, (m,)
-    touching: np.ndarray  # node of each contact point, int64, (points,)
+    touching: np.ndarray  # each node of the contact faces, int64, (k,)
     displacement: np.ndarray  # [m], (k, n, 3)
     velocity: np.ndarray  # [m/s], (k, n, 3)
     J: np.ndarray  # (k, m)
@@ -138,7 +136,7 @@ class Samples(NamedTuple):
     pressed: np.ndarray  # pressure of surfaces on each other at each node [Pa], (k, n); (k, 0) without such contact
     pairs: np.ndarray  # deepest point of each pair of bodies since the sample before [m], (k, bodies, bodies)
     rows: np.ndarray  # velocity, and all forces but the external ones, of the present state: work arrays, (2, N, 4)
-    point_pressure: np.ndarray  # on each contact point [Pa]: work array, (bones, points)
+    point_pressure: np.ndarray  # on each node of the contact faces [Pa]: work array, (bones, k)
     lanes: np.ndarray  # J, strain energy and hourglass energy of each lane: work arrays, (3, B, W)
     ledger: np.ndarray  # that of all parts: work array, (LEDGER,)
 
@@ -214,26 +212,6 @@ class Springs(NamedTuple):
     stiffness: np.ndarray  # [N/m] along x, y, z, (k, 3)
 
 
-class Bones(NamedTuple):
-    """Rigid surfaces by their signed distance on grids, and the nodes of the body's surface that may touch them."""
-
-    node: np.ndarray  # row of each contact point, rising, int64, (k,)
-    position: np.ndarray  # reference position [m], (k, 3)
-    spring: np.ndarray  # k A: contact stiffness of its tributary area [N/m], (k,)
-    damper: np.ndarray  # c = 2 zeta sqrt(k A m), with the damping ratio of each bone [N s/m], (bones, k)
-    rest_depth: np.ndarray  # how deep it lies in each bone at rest, which does not push [m], (bones, k)
-    start: np.ndarray  # first entry of each bone's grid in ``distance``, int64, (bones,)
-    shape: np.ndarray  # nodes of the grid along x, y, z, int64, (bones, 3)
-    origin: np.ndarray  # its first node [m], (bones, 3)
-    spacing: np.ndarray  # edge of its cells [m], (bones,)
-    distance: np.ndarray  # signed distances, positive outside [m], of all grids one after the other
-    friction: np.ndarray  # Coulomb's coefficient, (bones,)
-    moves: np.ndarray  # 1 where a bone moves, int64, (bones,)
-    smooth: np.ndarray  # 1 where the distance has a continuous gradient, int64, (bones,)
-    free: np.ndarray  # displacement at which each point was seen to be far from all fixed bones [m], and the square of how far
-    # [m^2]; then, of each bone that moves, the same by the place in its own frame, (1 + bones, k, 4)
-
-
 class Ties(NamedTuple):
     """Patches of the surface that springs tie to bones, as a matrix between nodes (compressed rows), bone after bone."""
 
@@ -279,7 +257,7 @@ class BoneRecord(NamedTuple):
     """What bones do at an instant; empty arrays where nobody asks."""
 
     sums: np.ndarray  # (bones, BONE_SUMS)
-    pressure: np.ndarray  # [Pa], (bones, points)
+    pressure: np.ndarray  # on each node of the contact faces [Pa], (bones, k)
 
 
 class Addresses(NamedTuple):

@@ -1,4 +1,4 @@
-"""Arrays for contact between deformable surfaces; see ``arrays.py`` and ``fem/forces/surfaces.py``."""
+"""Arrays for contact of deformable surfaces with each other and with bones; see ``arrays.py`` and ``fem/forces``."""
 
 from __future__ import annotations
 
@@ -14,6 +14,11 @@ SKIN, RUBBING, ALIKE, ZETA, STIFFER, FARTHEST, SPEED, REACH, NUMBERS = range(9)
 FACES_NEAR = 64  # faces kept for each face: in a fold of a fine mesh there are two dozen
 TRIANGLES_NEAR = 24  # triangles kept for each point: around a node of a surface there are 6 to 16
 CELLS = 16  # of the search along each direction
+
+
+# Points of a face at which it touches bones: so many along each edge, with the corners.
+POINTS_ALONG_EDGE = 4
+CONTACT_POINTS = POINTS_ALONG_EDGE**2
 
 
 class Surfaces(NamedTuple):
@@ -66,3 +71,44 @@ class Surfaces(NamedTuple):
     out: np.ndarray  # unit vector out of the face, and depth [m], (q, 4)
     pairs: np.ndarray  # deepest point of each pair of bodies since the last sample [m], (bodies, bodies)
     brake: np.ndarray  # damper and friction force on each of them [N], and its power at the velocity before [W], (q, 4)
+
+
+class Bones(NamedTuple):
+    """Rigid surfaces by their signed distance on grids, and the faces of the body's surface that may touch them, at points.
+
+    Faces stand in B blocks of W, each block in one part of the body; a lane without a face has no springs. A face has
+    P = CONTACT_POINTS points.
+    """
+
+    begin: np.ndarray  # first block of each part, and the end, int64, (parts + 1,)
+    rows: np.ndarray  # where the node rows of the corners begin, uint32, (B, 4, W)
+    own_rows: np.ndarray  # the same, counted from the first row of the part
+    face: np.ndarray  # number of each face; -1 for none, int64, (B, W)
+    node: np.ndarray  # number of each corner among the nodes of these faces, int64, (B, 4, W)
+    user: np.ndarray  # these nodes in the user's numbering, int64, (k,)
+    area: np.ndarray  # of the surface that belongs to each of them [m^2], (k,)
+    position: np.ndarray  # node rows: reference positions [m], (N, 4)
+    share: np.ndarray  # shape functions of the corners at the points, (4, P)
+    spring: np.ndarray  # k A: contact stiffness of the area of each point [N/m], (B, P, W)
+    damper: np.ndarray  # 2 sqrt(m / (k A)) for a damping ratio of 1 [s], with the mean of m / A of the corners, (B, W)
+    mobility: np.ndarray  # k A / m, with the mean of A / m of the corners: what an even pressure does to them [1/s^2], (B, W)
+    rest_depth: np.ndarray  # how deep each point lies in each bone at rest, which does not push [m], (bones, B, P, W)
+    start: np.ndarray  # first entry of each bone's grid in ``distance``, int64, (bones,)
+    shape: np.ndarray  # nodes of the grid along x, y, z, int64, (bones, 3)
+    origin: np.ndarray  # its first node [m], (bones, 3)
+    spacing: np.ndarray  # edge of its cells [m], (bones,)
+    reach: np.ndarray  # largest distance of a point of the grid from the origin of the bone's frame [m], (bones,)
+    distance: np.ndarray  # signed distances, positive outside [m], of all grids one after the other
+    friction: np.ndarray  # Coulomb's coefficient, (bones,)
+    damping: np.ndarray  # damping ratio, (bones,)
+    moves: np.ndarray  # 1 where a bone moves, int64, (bones,)
+    smooth: np.ndarray  # 1 where the distance has a continuous gradient, int64, (bones,)
+    speeds: np.ndarray  # bound of the speed of the rows of each part [m/s], on a line of the cache of its own, (parts, 8)
+    travel: np.ndarray  # how far nodes and bones may have gone since the beginning of a course [m]; the same in all, (parts, 8)
+    until: np.ndarray  # how far they go until a block can touch a bone [m], (bones, B)
+    until_point: np.ndarray  # the same of each point of its faces, (bones B, P)
+    bent: np.ndarray  # by how much the tangential spring of each point is bent, in the frame of the bone [m],
+    # (bones, B, P, 3, W), or (0, ...) without friction
+    drag: np.ndarray  # force of dampers and friction on the corners [N]: work array, (bones, B, 4, 3, W)
+    touching: np.ndarray  # numbers of the pairs of a bone and a block that touch: work array, int64, (bones B,)
+    lanes: np.ndarray  # work array, (W,)

@@ -331,6 +331,27 @@ def _extern(name):
     return declare
 
 
+def _of_vector(name, doc):
+    """An intrinsic of LLVM that takes a whole vector."""
+
+    @intrinsic
+    def apply(typingctx, value):
+        def lower(context, builder, sig, args):
+            known = builder.module.globals.get(f"llvm.{name}.v{WIDTH}f64")
+            declared = known if known is not None else ir.Function(builder.module, whole, f"llvm.{name}.v{WIDTH}f64")
+            return builder.call(declared, args)
+
+        return vector(vector), lower
+
+    whole = ir.FunctionType(_VEC, [_VEC])
+    apply.__doc__ = doc
+    apply._name = name
+    return apply
+
+
+_sqrt_lanes = _of_vector("sqrt", "Square root of every lane, in one instruction.")
+
+
 _exp_lanes = _by_lane("_exp_lanes", "Exponential lane by lane.", lambda module: module.declare_intrinsic("llvm.exp", [_F64]))
 _erf_lanes = _by_lane("_erf_lanes", "Error function lane by lane.", _extern("erf"))
 _log_lanes = _by_lane("_log_lanes", "Logarithm lane by lane.", lambda module: module.declare_intrinsic("llvm.log", [_F64]))
@@ -384,19 +405,6 @@ def _log(value):
 def square_root(value):
     """Square root of a float or of a vector."""
     return math.sqrt(value)
-
-
-@intrinsic
-def _sqrt_lanes(typingctx, value):
-    """Square root of every lane, in one instruction."""
-
-    def lower(context, builder, sig, args):
-        name = f"llvm.sqrt.v{WIDTH}f64"
-        known = builder.module.globals.get(name)
-        function = known if known is not None else ir.Function(builder.module, ir.FunctionType(_VEC, [_VEC]), name)
-        return builder.call(function, args)
-
-    return vector(vector), lower
 
 
 @overload(square_root, jit_options=_INLINE)

@@ -20,7 +20,7 @@ class BoneTable(Table):
     file: str | None = Field(default=None, description="STL, OBJ, PLY or VTP file, relative to this file")
     length_unit: Literal["m", "cm", "mm"] | None = Field(default=None, description="of the file")
     friction: float = Field(default=0.0, ge=0.0, description="Coulomb's coefficient; 0 for a wet palate")
-    damping: float = Field(default=0.5, ge=0.0, description="damping ratio of a node of the body that presses on it")
+    damping: float = Field(default=0.5, ge=0.0, description="damping ratio of a point of the body that presses on it")
     shift_mm: Vector = Field(default=(0.0, 0.0, 0.0), description="moves its place at rest, along x (back), y (right), z (up)")
     hard_palate_mm: float | None = Field(
         default=None,

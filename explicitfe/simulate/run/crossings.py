@@ -15,7 +15,8 @@ from explicitfe.platform.compiled.arrays import BONE_DEPTH, Samples
 from explicitfe.simulate.run.quantities import pairs_of
 
 # The rounding of the tables of the bones. The contact pressures of speech, up to 4 kPa, give a penetration of 0.05 mm.
-CROSSING_WARNING_M = 5e-4
+# Faces under an edge of bone go deeper than nodes.
+CROSSING_WARNING_M, NODE_WARNING_M = 5e-4, 3e-4
 # Points of a face whose depth behind a drawn surface is looked at, along each edge; and the deepest of them in the rounded one
 # that are measured: an edge of bone lies nowhere by more than 0.6 mm above its rounding.
 LOOKED_AT_ALONG_EDGE, MEASURED_POINTS, MOST_ROUNDED_M = 5, 16, 6e-4
@@ -151,10 +152,12 @@ class Crossings:
                     "the forces."
                 )
         for bone in self.bones:
-            one = self.deepest.get(bone.name, Crossing())
-            if one.displacement is not None:  # contact is with a surface whose edges are rounded
-                one = behind_surface(self.mesh, bone, one.displacement, one.time_s)
-            if one.depth_m > CROSSING_WARNING_M:
+            one = of_nodes = self.deepest.get(bone.name, Crossing())
+            if (u := one.displacement) is not None:  # contact is with a surface whose edges are rounded
+                of_nodes = behind_surface(self.mesh, bone, u, one.time_s, 2)
+                one = behind_surface(self.mesh, bone, u, one.time_s)
+            if one.depth_m > CROSSING_WARNING_M or of_nodes.depth_m > NODE_WARNING_M:
+                one = max(one, of_nodes, key=lambda crossing: crossing.depth_m)
                 sentences.append(
                     f'the body goes {1e3 * one.depth_m:.1f} mm deep into "{bone.name}"{_near(one)} at {1e3 * one.time_s:.0f} ms: '
                     "the forces are too large for the contact springs, or the mesh is too coarse for an edge of the bone; reduce "

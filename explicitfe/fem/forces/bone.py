@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import math
 
-from explicitfe.fem.forces.distance_grid import place_in_grid, smooth_distance, trilinear
+from explicitfe.fem.forces.distance_grid import SHORTER, place_in_grid, smooth_distance, trilinear
 from explicitfe.fem.forces.face_lanes import (
     at_point,
     corners_of,
@@ -132,9 +132,9 @@ def depth_at(bones, bone, block, point, places):
         d, g, _ = smooth_distance(bones, bone, x, y, z)
     else:
         d, g = trilinear(bones, bone, x, y, z)
+    # distances change by at most the way along each axis, and so what is interpolated between them
     d = d + load(bones.rest_depth, ((bone * len(bones.rows) + block) * CONTACT_POINTS + point) * WIDTH)
-    # between nodes of the grid the slope of what is interpolated can be above 1, but not above 2
-    return -d - _OUT_OF_REACH * outside, g, larger(0.5 * d, outside)
+    return -d - _OUT_OF_REACH * outside, g, larger(SHORTER * d, outside)
 
 
 @leaf

@@ -104,6 +104,7 @@ def bones_of(
         smooth=np.array([bone.smooth for bone in bones], dtype=np.int64),
         speeds=zeros((len(parts), 8)),
         travel=zeros((len(parts), 8)),
+        seen=np.full(position.shape, np.nan),
         until=np.full((len(bones), len(lane)), -1.0),
         until_point=np.full((len(bones) * len(lane), CONTACT_POINTS), -1.0),
         bent=zeros((rubbing, len(lane), CONTACT_POINTS, 3, WIDTH)),
@@ -154,14 +155,16 @@ def state_of_friction(bones: Bones) -> np.ndarray:
 
 
 def restore_friction(bones: Bones, state: np.ndarray) -> None:
-    """Take over the result of ``state_of_friction``, of a run with any number of threads."""
+    """Take over the result of ``state_of_friction``, of a run with any number of threads; it may be at another time."""
+    bones.seen[:] = np.nan
     for lanes, bent in zip(np.moveaxis(bones.bent, -1, 2), state, strict=False):
         lanes[bones.face >= 0] = bent[bones.face[bones.face >= 0]]
 
 
-def look_up_again(bones: Bones) -> None:
-    """Let all faces be looked up at the next instant."""
-    bones.until[:], bones.until_point[:], bones.travel[:] = -1.0, -1.0, 0.0
+def look_up_if_changed(bones: Bones, u: np.ndarray) -> None:
+    """Let all faces be looked up at the next instant, unless the displacements (N, 4) m are those that the last course left."""
+    if not np.array_equal(bones.seen, u):
+        bones.until[:], bones.until_point[:], bones.travel[:] = -1.0, -1.0, 0.0
 
 
 def _points_of(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

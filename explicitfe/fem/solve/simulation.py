@@ -11,7 +11,7 @@ from explicitfe.fem.inputs.argument import count_like, number_from_zero
 from explicitfe.fem.inputs.limits import ThreadCount
 from explicitfe.fem.model.model import Model
 from explicitfe.fem.solve.body import Body
-from explicitfe.fem.solve.bones import bones_of, look_up_again, restore_friction, state_of_friction, ties_of
+from explicitfe.fem.solve.bones import bones_of, look_up_if_changed, restore_friction, state_of_friction, ties_of
 from explicitfe.fem.solve.course import LIMIT_ALONE, NO_LOOKS
 from explicitfe.fem.solve.loads import Loads
 from explicitfe.fem.solve.observe import TURNS_LATER, Recording, Snapshot, lookers_of, looks_of, samples_of, shape_numbers
@@ -284,10 +284,8 @@ class Simulation(Body):
         self.course_s += time.perf_counter() - begin
         if recording is not None:
             recording.add(times[instants], np.where(instants > 0, dt_s, self.dt_s), self.steps + instants)
-        self.steps += done
-        self._index += done
-        self.time_s = float(times[done])
-        self.dt_s = float(dt_s)
+        self.steps, self._index = self.steps + done, self._index + done
+        self.time_s, self.dt_s = float(times[done]), float(dt_s)
         return done
 
     def snapshot(self) -> Snapshot:
@@ -431,12 +429,14 @@ class Simulation(Body):
         others = (self._for_all_parts(self.kernels.addresses(first)), actions, samples, 0, span, self._ledgers)
         gate = self.parts[0].gate
         gate[:] = 0
-        look_up_again(self.bones)  # the state may have changed
+        look_up_if_changed(self.bones, self.state.u)
         tasks = [
             lambda part=part, looker=looker: self.kernels.course(self.state, part, looks, looker, *others)
             for part, looker in zip(self.parts, lookers, strict=True)
         ]
-        return int(together(tasks, gate)[0])
+        done = int(together(tasks, gate)[0])
+        self.bones.seen[:] = self.state.u
+        return done
 
 
 def for_threads(state: dict[str, np.ndarray], threads: int) -> dict[str, np.ndarray]:

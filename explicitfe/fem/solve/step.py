@@ -11,6 +11,8 @@ section 9.1; Belytschko et al. 2014, section 6.2.3 averages velocities instead, 
 
 from __future__ import annotations
 
+import math
+
 from explicitfe.fem.forces.apart import add_surfaces, surfaces_loss
 from explicitfe.fem.forces.bone import bones_loss, fastest_bone, rest_on_bones
 from explicitfe.fem.forces.contraction import contraction_work
@@ -36,11 +38,9 @@ from explicitfe.platform.compiled.arrays import (
 from explicitfe.platform.compiled.contact_arrays import FARTHEST, SPEED
 from explicitfe.platform.compiled.jit import leaf
 from explicitfe.platform.compiled.pieces import call_at
-from explicitfe.platform.compiled.simd import ROW, WIDTH, load, load_fourth, min_lanes, splat, store, sum_lanes
+from explicitfe.platform.compiled.simd import ROW, WIDTH, load, load_fourth, splat, store, sum_lanes
 from explicitfe.platform.compiled.simd_lookup import absolute, larger
 from explicitfe.platform.compiled.threads import ask_to_stop, asked_to_stop, wait
-
-DIAGONAL = 3**0.5  # a speed over its largest component
 
 
 def forces(force_at, u, force, blocks):
@@ -137,7 +137,9 @@ def advance(state, part, shared, actions, dt_before, dt, stiffest, most_fall, fi
                     store(u, at, load(u, at) + dt * new)
                     store(force, here, splat(0.0))
                     loss = loss + mass * (old + new) * (0.5 * (dt_before * old + dt * new))
-        bones.speeds[part.number, 0] = max(place(u, v, motion, actions.planned, step), -min_lanes(-fastest))
+        driven_speed = place(u, v, motion, actions.planned, step)
+        # a lane has one component of all rows, or two
+        bones.speeds[part.number, 0] = math.sqrt(max(1, ROW // WIDTH) * sum_lanes(fastest * fastest) + 3.0 * driven_speed**2)
         if part.number == 0:
             for muscle in range(muscles.shape[1]):
                 part.blocks.activation[muscle, 0] = muscles[step + 1, muscle]
@@ -147,7 +149,7 @@ def advance(state, part, shared, actions, dt_before, dt, stiffest, most_fall, fi
         dt_before = dt
         wait(part.gate, part.parts)
         ledger[CONTACT_LOSS] += rubbed_before + bones_loss(bones, near, touching, v, 0.5 * dt)
-        bones.travel[part.number, 0] += dt * (DIAGONAL * fastest_of(bones.speeds) + fastest_bone(bones, placement, step + 1))
+        bones.travel[part.number, 0] += dt * (fastest_of(bones.speeds) + fastest_bone(bones, placement, step + 1))
         if part.number == 0:  # their pull is among the external forces, whose work it has lowered
             rubbed = surfaces_loss(actions.surfaces, v, behind, 0.5 * dt)
             ledger[EXTERNAL_WORK] += rubbed

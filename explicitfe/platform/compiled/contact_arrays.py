@@ -105,6 +105,7 @@ class Bones(NamedTuple):
     smooth: np.ndarray  # 1 where the distance has a continuous gradient, int64, (bones,)
     speeds: np.ndarray  # bound of the speed of the rows of each part [m/s], on a line of the cache of its own, (parts, 8)
     travel: np.ndarray  # how far nodes and bones may have gone since the beginning of a course [m]; the same in all, (parts, 8)
+    seen: np.ndarray  # displacements that the last course has left [m], (N, 4)
     until: np.ndarray  # how far they go until a block can touch a bone [m], (bones, B)
     until_point: np.ndarray  # the same of each point of its faces, (bones B, P)
     bent: np.ndarray  # by how much the tangential spring of each point is bent, in the frame of the bone [m],

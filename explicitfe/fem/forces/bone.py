@@ -49,29 +49,27 @@ _TINY = 1e-300
 
 
 @leaf
+def _rotated(R, a, along, across):
+    """A vector times a matrix whose entries stand ``along`` apart from component to component, and ``across`` in a sum."""
+    k, m = ROTATION, ROTATION + along
+    n = m + along
+    return (
+        R[k] * a[0] + R[k + across] * a[1] + R[k + 2 * across] * a[2],
+        R[m] * a[0] + R[m + across] * a[1] + R[m + 2 * across] * a[2],
+        R[n] * a[0] + R[n + across] * a[1] + R[n + 2 * across] * a[2],
+    )
+
+
+@leaf
 def into_bone(bones, placement, instant, bone, a):
     """A vector of space in the frame of a bone: R^T a."""
-    if bones.moves[bone]:
-        R = placement[instant, bone]
-        return (
-            R[ROTATION] * a[0] + R[ROTATION + 3] * a[1] + R[ROTATION + 6] * a[2],
-            R[ROTATION + 1] * a[0] + R[ROTATION + 4] * a[1] + R[ROTATION + 7] * a[2],
-            R[ROTATION + 2] * a[0] + R[ROTATION + 5] * a[1] + R[ROTATION + 8] * a[2],
-        )
-    return a
+    return _rotated(placement[instant, bone], a, 1, 3) if bones.moves[bone] else a
 
 
 @leaf
 def out_of_bone(bones, placement, instant, bone, a):
     """A vector of the frame of a bone in space: R a."""
-    if bones.moves[bone]:
-        R = placement[instant, bone]
-        return (
-            R[ROTATION] * a[0] + R[ROTATION + 1] * a[1] + R[ROTATION + 2] * a[2],
-            R[ROTATION + 3] * a[0] + R[ROTATION + 4] * a[1] + R[ROTATION + 5] * a[2],
-            R[ROTATION + 6] * a[0] + R[ROTATION + 7] * a[1] + R[ROTATION + 8] * a[2],
-        )
-    return a
+    return _rotated(placement[instant, bone], a, 3, 1) if bones.moves[bone] else a
 
 
 @leaf
@@ -115,8 +113,8 @@ def penalty(spring, p, stiffening_depth):
 
 
 @leaf
-def share_kept(size, limit):
-    """The share of a vector of this size that a limit leaves."""
+def scale_to_limit(size, limit):
+    """Factor, at most 1, that scales a vector of this size down to a limit."""
     return 1.0 - within(1.0 - limit / (size + _TINY), 0.0, 1.0)
 
 
@@ -132,8 +130,8 @@ def depth_at(bones, bone, block, point, places):
         d, g, _ = smooth_distance(bones, bone, x, y, z)
     else:
         d, g = trilinear(bones, bone, x, y, z)
-    # distances change by at most the way along each axis, and so what is interpolated between them
     d = d + load(bones.rest_depth, ((bone * len(bones.rows) + block) * CONTACT_POINTS + point) * WIDTH)
+    # along each axis a distance changes by at most the displacement, and so does what is interpolated
     return -d - _OUT_OF_REACH * outside, g, larger(SHORTER * d, outside)
 
 
@@ -168,9 +166,9 @@ def rub_at(bones, at, n, slip, damper, dt, limit):
     """
     bent = load_many(bones.bent, at, 3)
     bent = plus(minus(bent, times(dot(bent, n), n)), times(dt, slip))
-    bent = times(share_kept(square_root(dot(bent, bent)), limit), bent)
+    bent = times(scale_to_limit(square_root(dot(bent, bent)), limit), bent)
     rub = minus(times(-damper, slip), bent)
-    return bent, times(share_kept(square_root(dot(rub, rub)), limit), rub)
+    return bent, times(scale_to_limit(square_root(dot(rub, rub)), limit), rub)
 
 
 @leaf

@@ -149,7 +149,8 @@ def advance(state, part, shared, actions, dt_before, dt, stiffest, most_fall, fi
         dt_before = dt
         wait(part.gate, part.parts)
         ledger[CONTACT_LOSS] += rubbed_before + bones_loss(bones, near, touching, v, 0.5 * dt)
-        bones.travel[part.number, 0] += dt * (fastest_of(bones.speeds) + fastest_bone(bones, placement, step + 1))
+        fastest_at = max(fastest_bone(bones, placement, step), fastest_bone(bones, placement, step + 1))
+        bones.travel[part.number, 0] += dt * (fastest_of(bones.speeds) + fastest_at)
         if part.number == 0:  # their pull is among the external forces, whose work it has lowered
             rubbed = surfaces_loss(actions.surfaces, v, behind, 0.5 * dt)
             ledger[EXTERNAL_WORK] += rubbed

@@ -46,7 +46,6 @@ class Tangents(NamedTuple):
     force: np.ndarray  # of minus the internal forces, then of all forces, (G, N, 3, W)
     rows: np.ndarray  # where the vectors of the corners of each element begin in a group, int64, (B, 8, W)
     before: np.ndarray  # velocity before the present step: work array [m/s], (N, 4)
-    external: np.ndarray  # external forces: work array [N], (N, 4)
     memory: np.ndarray  # of the isochoric stress and its relaxed parts, as the material remembers them, (m, G, numbers, W)
     work: np.ndarray  # of a block, (numbers, W)
     barrier: np.ndarray  # changes in one element: work array, (BARRIER_CHANGES, W)
@@ -93,7 +92,6 @@ def tangents_of(
         **state,
         rows=blocks.nodes.astype(np.int64) // ROW * (COMPONENTS * WIDTH),
         before=zeros((rows, ROW)),
-        external=zeros((rows, ROW)),
         memory=zeros((elements, groups, memory, WIDTH)),
         work=zeros((MUSCLES_AT + OF_MUSCLE * blocks.muscle.shape[1], WIDTH)),
         barrier=zeros((BARRIER_CHANGES, WIDTH)),

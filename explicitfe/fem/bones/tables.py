@@ -18,6 +18,7 @@ from explicitfe.platform.errors import InputError
 # Triangles are no longer than this: the tables' own spacing is 5 mm.
 _MESH_MM = 2.0
 _ANGLE_STEP_DEG = 4.0
+_EDGE_DEG = (22.5, 45.0, 67.5, 90.0)  # of the points around a rounded edge
 
 BoneTable = Mapping[str, Any]  # a table of the file, whose keys are those that its shape has
 
@@ -133,8 +134,8 @@ def arch(table: BoneTable) -> TriangleSurface:
 def channel(table: BoneTable, sides: bool = True) -> TriangleSurface:
     """A solid around a channel that is open in front: a back wall x(z, |y|), and side walls that run forwards from its edges.
 
-    ``table`` holds height_mm (k,), half_width_mm (k,), y_mm (l,) from 0, back_mm (k, l), side_front_mm, thickness_mm. Without
-    ``sides`` it is the back wall alone.
+    ``table`` holds height_mm (k,), half_width_mm (k,), y_mm (l,) from 0, back_mm (k, l), side_front_mm, thickness_mm, and
+    front_radius_mm of the inner front edges. Without ``sides`` it is the back wall alone.
     """
     height_mm, y_mm = _row(table, "height_mm"), _row(table, "y_mm")
     back = _table(table, "back_mm", (len(height_mm), len(y_mm)))
@@ -147,12 +148,15 @@ def channel(table: BoneTable, sides: bool = True) -> TriangleSurface:
     y = width[:, None] * share
     wall = scipy.interpolate.PchipInterpolator(height_mm, even(np.minimum(y, y_mm[-1]).ravel()), axis=0)(z)
     x = wall.reshape(len(z), *y.shape)[np.arange(len(z)), np.arange(len(z))]
-    side = np.linspace(x[:, -1], front, int(np.ceil((x[:, -1].max() - front) / _MESH_MM)) + 1, axis=1)[:, 1:]
+    radius = float(table["front_radius_mm"])
+    side = np.linspace(x[:, -1], front + radius, int(np.ceil((x[:, -1].max() - front) / _MESH_MM)) + 1, axis=1)[:, 1:]
     behind = np.repeat(x.max(axis=1, keepdims=True) + thickness, len(share), axis=1)
     # The outside runs back along the side and behind the wall, to the midsagittal plane.
     around_x, around_y = [x, behind], [y, y[:, ::-1]]
     if sides:
-        near = np.repeat(width[:, None], side.shape[1], axis=1)
+        turn = np.concatenate([np.zeros(side.shape[1]), np.radians(_EDGE_DEG)])
+        near = width[:, None] + radius * (1.0 - np.cos(turn))
+        side = np.hstack([side, np.repeat([front + radius * (1.0 - np.sin(np.radians(_EDGE_DEG)))], len(z), axis=0)])
         around_x[1:1] = [side, side[:, ::-1], behind[:, :1]]
         around_y[1:1] = [near, near + thickness, near[:, :1] + thickness]
     half_x, half_y = np.hstack(around_x), np.hstack(around_y)

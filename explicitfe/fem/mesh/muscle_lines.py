@@ -148,7 +148,25 @@ def read_muscles(path: Path | str, contour_map: ContourMap, cells: Sequence[int]
             tables = tomllib.load(file)
     except (OSError, tomllib.TOMLDecodeError) as error:
         raise InputError(f"{path}: cannot be read: {error}.") from error
-    return {name: _muscle(name, table, f"{path}: muscle {name}", contour_map, cells) for name, table in tables.items()}
+    muscles: dict[str, Muscle] = {}
+    for name, table in tables.items():
+        where = f"{path}: muscle {name}"
+        whole = "parts" in table
+        muscles[name] = _whole(name, table, where, muscles) if whole else _muscle(name, table, where, contour_map, cells)
+    return muscles
+
+
+def _whole(name: str, table: Mapping[str, Any], where: str, muscles: Mapping[str, Muscle]) -> Muscle:
+    """The muscle that earlier muscles of a file are parts of: their fibres, and the sum of their largest forces."""
+    for key in {*table} ^ {"title", "action", "parts"}:
+        raise InputError(f'{where}: a muscle with parts has the keys "title", "action" and "parts"; "{key}" is missing or unknown.')
+    for part in table["parts"]:
+        if part not in muscles:
+            raise InputError(f'{where}: no muscle "{part}" stands before it; {nearest(str(part), muscles)}')
+    parts = [muscles[part] for part in table["parts"]]
+    fibres = [fibre for side in ("right", "left") for part in parts for fibre in part.chosen(side)]
+    force_N = sum(part.max_force_N for part in parts)
+    return Muscle.of(name, str(table["title"]), force_N, tuple(fibres), str(table["action"]), parts[0].origin_width_m)
 
 
 def _muscle(name: str, table: Mapping[str, Any], where: str, contour_map: ContourMap, cells: tuple[int, int, int]) -> Muscle:

@@ -23,7 +23,8 @@ class WallTable(AirwayPart):
     height_mm, half_width_mm : (k,) z, rising, and how far the posterior wall reaches to each side, where the side walls stand.
     y_mm : (l,) from 0, rising.
     back_mm : (k, l) x of the posterior wall.
-    side_front_mm : x of the front edge of the side walls.
+    side_front_mm, front_radius_mm : x of the front edge of the side walls, and the radius that rounds its inner side; results of
+        earlier versions have a sharp one.
     thickness_mm : of the walls as a surface that the tongue touches.
     """
 
@@ -33,6 +34,7 @@ class WallTable(AirwayPart):
     y_mm: list[float] = Field(min_length=2)
     back_mm: list[list[float]]
     side_front_mm: float
+    front_radius_mm: Annotated[float, Field(ge=0.0)] = 0.0
     thickness_mm: Positive
 
     @model_validator(mode="after")

@@ -30,8 +30,8 @@ FIRST_ROW_COLUMNS = slice(1, 7)
 # of the built-in palate becomes flat.
 FIRST_ROW_M = 8e-3
 # The last row lies at the end of the hard palate, which is so far from the edge of the incisors along the midline. It is that of
-# the built-in palate: there, at x = 115 mm, its velum begins.
-HARD_PALATE_M = 72.5e-3
+# the built-in palate: there, at x = 103 mm, the velum of models/velum begins.
+HARD_PALATE_M = 60e-3
 # Intervals between the rows, in equal parts: the front four rows stand half as far apart as those behind them.
 ROW_INTERVALS = (1, 1, 1, 2, 2, 2, 2)
 # The outermost electrodes lie at the edge of the gum, where the plate ends: this share of the height from the crest of the dental

@@ -1,7 +1,8 @@
 """Contact of tongue and palate as in electropalatography: which of 62 electrodes are in contact over time.
 
-An electrode is on where the tongue's surface under it presses on the palate. Nodes stand further apart than electrodes, so what
-they know is interpolated on the faces between them: the pressure, and how far the surface is from the palate.
+An electrode is on where the tongue's surface under it presses on the palate, or, where the scenario gives the plate a thickness,
+is within it. Nodes stand further apart than electrodes, so what they know is interpolated on the faces between them: the
+pressure, and how far the surface is from the palate.
 """
 
 from __future__ import annotations
@@ -54,6 +55,7 @@ class TongueOnPalate:
 
     def __init__(self, result: Recorded, at: Electrodes) -> None:
         self.result, self.at = result, at
+        self.plate_m = 1e-3 * float(_palate_table(result).get("plate_mm") or 0.0)
         element, face = free_faces(result.mesh.hexes)
         self._areas = surface_areas(result.mesh)
         self.faces = result.mesh.hexes[element[:, None], FACES[face]]
@@ -68,12 +70,13 @@ class TongueOnPalate:
         """Which electrodes are on at a step.
 
         From each electrode a line runs along the palate's normal to the nearest face of the tongue that has a pressed node. It is
-        on where the pressure interpolated there is above 0 and the distance interpolated there is at most ``TOUCHING_GAP_M``.
+        on where the pressure interpolated there is above 0 and the distance interpolated there is at most ``TOUCHING_GAP_M``;
+        or, of all faces, where that distance is at most the thickness of the plate.
         Faces are interpolated linearly between their corners and their middle, which is the mean of them.
         """
         count = len(self.at.position)
         pressure = np.maximum(self.result.field(f"contact_pressure_{PALATE}", step), 0.0)
-        pressed = self.faces[(pressure[self.faces] > 0.0).any(axis=1)]
+        pressed = self.faces[(pressure[self.faces] > 0.0).any(axis=1) | (self.plate_m > 0.0)]
         on, felt = np.zeros(count, dtype=bool), np.zeros(count)
         if not len(pressed):
             return ContactSample(on, felt, 0.0, 0.0)
@@ -89,7 +92,7 @@ class TongueOnPalate:
         triangles = np.stack([values, np.roll(values, -1, axis=1), middles], axis=2).reshape(-1, 3, values.shape[2])
         hit, weights, triangle = _nearest_on_lines(self.at.position, self.at.normal, triangles[:, :, :3])
         at = np.einsum("kc,kcv->kv", weights, triangles[triangle])
-        on[hit] = (at[:, 3] <= TOUCHING_GAP_M) & (at[:, 4] > 0.0)
+        on[hit] = (at[:, 3] <= TOUCHING_GAP_M) & (at[:, 4] > 0.0) | (at[:, 3] <= self.plate_m) & (self.plate_m > 0.0)
         felt[hit] = np.where(on[hit], at[:, 4], 0.0)
         return ContactSample(on, felt, float(self._areas[pressure > 0.0].sum()), float(self._areas @ pressure))
 
@@ -212,10 +215,14 @@ def centre_of_gravity(touched: np.ndarray) -> float | None:
 
 def _hard_palate(result: Recorded) -> float | None:
     """The length of the hard palate that the scenario gives, m."""
-    for table in result.model.get("scenario", {}).get("bone", []):
-        if table.get("name") == PALATE and table.get("hard_palate_mm") is not None:
-            return 1e-3 * float(table["hard_palate_mm"])
-    return None
+    length_mm = _palate_table(result).get("hard_palate_mm")
+    return None if length_mm is None else 1e-3 * float(length_mm)
+
+
+def _palate_table(result: Recorded) -> dict[str, Any]:
+    """The ``[[bone]]`` table of the palate in the scenario of a result; empty if it has none."""
+    tables = result.model.get("scenario", {}).get("bone", [])
+    return next((table for table in tables if table.get("name") == PALATE), {})
 
 
 def _durations(times: np.ndarray, on: np.ndarray) -> np.ndarray:

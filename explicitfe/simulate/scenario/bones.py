@@ -27,6 +27,11 @@ class BoneTable(Table):
         gt=0.0,
         description="length of the hard palate, from the edge of the incisors along the midline",
     )
+    plate_mm: float = Field(
+        default=0.0,
+        ge=0.0,
+        description="thickness of the plate of the palatogram, whose electrodes are on where the tongue is within it",
+    )
     velum: bool = Field(
         default=True, description="false: the built-in palate ends where the velum begins, which is then a [[body]]"
     )
@@ -48,8 +53,9 @@ class BoneTable(Table):
             raise ValueError("give both file and length_unit, because a surface file has no unit of length")
         if "/" in self.name or not self.name.strip(" ."):
             raise ValueError(f'"{self.name}" cannot be a name in a result file: give one of letters and digits, without "/"')
-        if self.hard_palate_mm is not None and self.name != "palate":
-            raise ValueError(f'"{self.name}" has no hard palate: hard_palate_mm belongs to the bone called "palate"')
+        for key in ("hard_palate_mm", "plate_mm"):
+            if getattr(self, key) and self.name != "palate":
+                raise ValueError(f'"{self.name}" has no hard palate: {key} belongs to the bone called "palate"')
         for owner, key in SOFT_PARTS.items():
             if not getattr(self, key) and (self.name != owner or self.file is not None):
                 part = key.replace("_", " ")

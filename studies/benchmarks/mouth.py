@@ -152,9 +152,10 @@ class Mouth:
         bare, anatomy, *_ = assemble(self.scenario.model_copy(update={"bone": []}), folder)
         self.base: Model = replace(bare, bones=bones_of(self.scenario, bare.mesh, folder))
         self.mesh = anatomy.mesh
-        self.maxima_N = {name: muscle.max_force_N for name, muscle in anatomy.muscles.items()}
-        self._stresses = {name: fibre_stress(self.mesh, muscle, 1.0, "both", ALWAYS) for name, muscle in anatomy.muscles.items()}
-        self._outside = {name: outside_pull(self.mesh, muscle, 1.0, "both", ALWAYS) for name, muscle in anatomy.muscles.items()}
+        muscles = {name: muscle for name, muscle in anatomy.muscles.items() if not muscle.parts}
+        self.maxima_N = {name: muscle.max_force_N for name, muscle in muscles.items()}
+        self._stresses = {name: fibre_stress(self.mesh, muscle, 1.0, "both", ALWAYS) for name, muscle in muscles.items()}
+        self._outside = {name: outside_pull(self.mesh, muscle, 1.0, "both", ALWAYS) for name, muscle in muscles.items()}
         self._outline: PlaneCut = midsagittal(self.mesh)
         self._loop = max(self._outline.loops, key=len)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -79,6 +79,7 @@ class Muscle:
     elements : (k,) int64, sorted. The elements that its fibres run through.
     action : what it does, in a line.
     origin_width_m : m. How wide the stress of a fibre is spread at its origin, where fibres converge; as elsewhere if None.
+    parts : names of the muscles of the same model that it consists of; empty for one that is not a whole of others.
     """
 
     name: str
@@ -88,6 +89,7 @@ class Muscle:
     elements: np.ndarray
     action: str = ""
     origin_width_m: float | None = None
+    parts: tuple[str, ...] = ()
 
     @classmethod
     def of(
@@ -166,7 +168,8 @@ def _whole(name: str, table: Mapping[str, Any], where: str, muscles: Mapping[str
     parts = [muscles[part] for part in table["parts"]]
     fibres = [fibre for side in ("right", "left") for part in parts for fibre in part.chosen(side)]
     force_N = sum(part.max_force_N for part in parts)
-    return Muscle.of(name, str(table["title"]), force_N, tuple(fibres), str(table["action"]), parts[0].origin_width_m)
+    whole = Muscle.of(name, str(table["title"]), force_N, tuple(fibres), str(table["action"]), parts[0].origin_width_m)
+    return replace(whole, parts=tuple(table["parts"]))
 
 
 def _muscle(name: str, table: Mapping[str, Any], where: str, contour_map: ContourMap, cells: tuple[int, int, int]) -> Muscle:

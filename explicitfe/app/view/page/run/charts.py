@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -33,6 +33,7 @@ class PlannedChart:
     follows: str
     spans: list[tuple[float, float]]
     logarithmic: bool = False
+    numerical: bool = False
 
 
 def charts_of(results: Sequence[Result]) -> list[list[Chart]]:
@@ -51,7 +52,7 @@ def _draw(plan: PlannedChart, alike: Sequence[Line]) -> Chart | None:
     kept = np.isfinite(y) & ((y > 0.0) | (not plan.logarithmic))
     if not kept.any():
         return None
-    return chart(
+    drawn = chart(
         plan.title,
         plan.series,
         x_label=plan.x_label,
@@ -62,6 +63,7 @@ def _draw(plan: PlannedChart, alike: Sequence[Line]) -> Chart | None:
         spans=plan.spans,
         follows=plan.follows,
     )
+    return None if drawn is None else replace(drawn, numerical=plan.numerical)
 
 
 def _plans(result: Result) -> list[PlannedChart]:
@@ -76,23 +78,23 @@ def _time_charts(result: Result) -> list[PlannedChart]:
     spans = on_times(muscles, times[-1])
     plans = []
 
-    def add(title: str, y_label: str, series: list[Line], logarithmic: bool = False) -> None:
+    def add(title: str, y_label: str, series: list[Line], logarithmic: bool = False, numerical: bool = False) -> None:
         if series:
-            plans.append(PlannedChart(title, y_label, series, TIME_LABEL, "time", spans, logarithmic))
+            plans.append(PlannedChart(title, y_label, series, TIME_LABEL, "time", spans, logarithmic, numerical))
 
     courses = [(muscle, *activation(muscle, times[-1])) for muscle in muscles]
     add("Muscle forces", "N", [Line(muscle_name(one), at, one["force_N"] * share) for one, at, share in courses])
     for title, unit, lines in [*_point_lines(result), *_contact_lines(result)]:
         add(title, unit, _lines(times, lines))
     if stack := energy_lines(result):
-        add(BALANCE_TITLE, stack[1], stack[0])
+        add(BALANCE_TITLE, stack[1], stack[0], numerical=True)
         error = 100.0 * result.history("balance_error")
-        add("Largest error of the energy balance so far", "%", [Line("", times, error, colour=COLOUR_OF_WORK)], True)
+        add("Largest error of the energy balance so far", "%", [Line("", times, error, colour=COLOUR_OF_WORK)], True, True)
         if {"internal_energy", "hourglass_energy"} <= set(result.history_names):
             limit = np.full(len(times), 100.0 * ADVISED_HOURGLASS_SHARE)
             share = [Line("", times, 100.0 * hourglass_share(result), colour=1), Line("", times, limit, colour=6, dash=1)]
             title = f"Hourglass energy as a share of the elastic energy (dashed: recommended limit, {limit[0]:g} %)"
-            add(title, "%", share)
+            add(title, "%", share, numerical=True)
     return plans
 
 

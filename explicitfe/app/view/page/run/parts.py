@@ -18,6 +18,7 @@ from explicitfe.app.view.muscles import muscles_of, pull_in_words
 from explicitfe.app.view.page.chart import Chart
 from explicitfe.app.view.page.run.checks import Checks, checks_of
 from explicitfe.app.view.page.run.playback import frame_count, playback
+from explicitfe.app.view.page.run.speech import Speech, speech_of
 from explicitfe.app.view.page.tables import PageTable, table
 from explicitfe.app.view.page.words import DASH, bare, finite, motion_at_end, number, paragraphs, percent, speed
 from explicitfe.platform.errors import InputError
@@ -49,10 +50,11 @@ class RunOnPage:
     question : paragraphs of the scenario; empty where it has none.
     expect, expected : paragraphs, and measures next to their expected values; empty and None if the run is another one than the
         scenario file states.
-    facts : name -> value, in words, of the table of the run and its results.
+    facts, numerical : name -> value, in words, of the table of the run and its results, and of its numerical solution.
     moved : displacement of each named point; None where there are none.
     charts : drawn from its history.
     playback : data of the animation, with ``frames`` of the ``stored`` samples.
+    speech : its acoustics; None for a run of another model than the tongue.
     scenario : text of the scenario file; ``commands`` repeat the run and show more of it.
     is_tongue : whether it is a run in time rather than an indentation.
     """
@@ -64,11 +66,13 @@ class RunOnPage:
     expect: list[str]
     expected: PageTable | None
     facts: dict[str, str]
+    numerical: dict[str, str]
     moved: PageTable | None
     charts: list[Chart]
     playback: str
     frames: int
     stored: int
+    speech: Speech | None
     provenance: dict[str, str]
     scenario: str
     commands: list[str]
@@ -87,11 +91,13 @@ def run_on_page(result: Result, last: int, label: str, charts: list[Chart], shar
         expect=paragraphs(str(scenario.get("expect") or "")) if _is_as_expected(result) else [],
         expected=_expectation_table(result, scenario.get("expected") or []) if _is_as_expected(result) else None,
         facts=dict(_facts(result, measures)),
+        numerical=dict(_numerical_facts(result)),
         moved=None if measures is None or not result.mesh.named_points else _moved(measures),
         charts=charts,
         playback=playback(result, last, share),
         frames=frame_count(result, last, share),
         stored=len(result.times),
+        speech=speech_of(result, last),
         provenance={key.replace("_", " "): str(value) for key, value in result.provenance.items() if value is not None},
         scenario=result.scenario_text,
         commands=list(_commands(result)),
@@ -123,7 +129,7 @@ def table_of_runs(runs: Sequence[RunOnPage], values: Sequence[Mapping[str, str]]
 
 def _facts(result: Result, measures: Measures | None) -> Iterator[tuple[str, str]]:
     """Names and values of the run and its results, in words."""
-    model, summary, scenario = result.model, result.summary, result.model.get("scenario", {})
+    model, scenario = result.model, result.model.get("scenario", {})
     yield "status", result.status
     size = f"{result.mesh.element_count} elements, {result.mesh.node_count} nodes"
     yield "mesh", f"{model['name']}, {size}" if model.get("name") else size
@@ -139,12 +145,23 @@ def _facts(result: Result, measures: Measures | None) -> Iterator[tuple[str, str
         yield "tool", ", ".join(_constant(key, value) for key, value in tool.items() if value is not None)
     if len(result.times) and kind_of(model) == "transient":
         yield "simulated", f"{1e3 * result.times[-1]:.4g} ms, {len(result.times)} samples stored"
-    if finite(summary.get("steps")) and finite(summary.get("dt_s")):
-        yield "time steps", f"{summary['steps']} of at least {1e6 * summary['dt_s']:.3g} µs"
     if kind_of(model) == "relaxation" and len(result.history("force")):
         most = int(np.argmax(result.history("force")))
         depth_mm = 1e3 * result.history("indentation")[most]
         yield "maximum force", f"{number(result.history('force')[most])} N at {number(depth_mm)} mm"
+    if measures is not None:
+        yield "at the end", motion_at_end(measures.body.settled, measures.body.fastest_mm_s)
+        for name, contact in measures.contact.items():
+            yield f"contact with the {name} at the end", _contact(contact)
+    if scenario.get("effects"):
+        yield "effects", ", ".join(sorted(key.replace("_", "-") for key in scenario["effects"]))
+
+
+def _numerical_facts(result: Result) -> Iterator[tuple[str, str]]:
+    """Names and values of the numerical solution, in words."""
+    summary = result.summary
+    if finite(summary.get("steps")) and finite(summary.get("dt_s")):
+        yield "time steps", f"{summary['steps']} of at least {1e6 * summary['dt_s']:.3g} µs"
     if finite(summary.get("energy_balance_error")):
         yield "energy balance error", f"at most {percent(summary['energy_balance_error'])}".replace("at most <", "less than")
     if finite(summary.get("hourglass_share")):
@@ -154,14 +171,8 @@ def _facts(result: Result, measures: Measures | None) -> Iterator[tuple[str, str
     if folded := summary.get("folded"):
         undecided = f", {folded['undecided']} undecided" if folded.get("undecided") else " (certified)"
         yield "inverted elements", f"{folded['elements']} of {result.mesh.element_count}{undecided}"
-    if measures is not None:
-        yield "at the end", motion_at_end(measures.body.settled, measures.body.fastest_mm_s)
-        for name, contact in measures.contact.items():
-            yield f"contact with the {name} at the end", _contact(contact)
     if finite(summary.get("wall_s")):
         yield "wall time", f"{number(summary['wall_s'], 2)} s"
-    if scenario.get("effects"):
-        yield "effects", ", ".join(sorted(key.replace("_", "-") for key in scenario["effects"]))
 
 
 def _constant(key: str, value: object) -> str:

@@ -14,7 +14,7 @@ from explicitfe.app.view.page.frame import page_text
 from explicitfe.app.view.page.page_file import page_file, write_page
 from explicitfe.app.view.page.run.charts import charts_of
 from explicitfe.app.view.page.run.parts import RunOnPage, differences, run_on_page, table_of_runs
-from explicitfe.app.view.page.tables import PageTable
+from explicitfe.app.view.page.tables import PageTable, table
 from explicitfe.platform.errors import InputError, Progress, silent
 from explicitfe.results.files import Result, open_result
 from explicitfe.results.measure.steps import last_step
@@ -119,7 +119,8 @@ def _page(results: Sequence[Result], progress: Progress) -> _Page:
         title=runs[0].title if len(runs) == 1 else f"{len(runs)} runs side by side: {', '.join(run.label for run in runs)}",
         runs=runs,
         differing=differing,
-        facts=table_of_runs(runs, [run.facts for run in runs]),
+        facts=table_of_runs(runs, [run.facts if run.speech else {**run.facts, **run.numerical} for run in runs]),
+        numerical=[table(("", ""), list(run.numerical.items()), "tt") for run in runs],
         provenance=table_of_runs(runs, [run.provenance for run in runs]),
     )
     return _Page(text, runs, differing)

@@ -10,7 +10,6 @@ from typing import NamedTuple
 import numpy as np
 
 TABLE = Path(__file__).with_name("speakers.csv")
-SPEAKER_GROUPS = ("men", "women", "children")
 
 
 class SpokenVowel(NamedTuple):
@@ -18,7 +17,7 @@ class SpokenVowel(NamedTuple):
 
     Attributes
     ----------
-    group, vowel : one of ``SPEAKER_GROUPS``, and a letter of the International Phonetic Alphabet.
+    group, vowel : "men", "women" or "children", and a letter of the International Phonetic Alphabet.
     utterances : number of measurements.
     mean_hz, deviation_hz : (2,) F1 and F2, and their standard deviations.
     correlation : of F1 and F2.
@@ -41,7 +40,7 @@ class SpokenVowel(NamedTuple):
 
 @cache
 def spoken_vowels() -> tuple[SpokenVowel, ...]:
-    """The vowels of all groups."""
+    """The vowels of men, women and children, one group after the other."""
     lines = [line for line in TABLE.read_text(encoding="utf-8").splitlines() if not line.startswith("#")]
     return tuple(
         SpokenVowel(

@@ -248,10 +248,9 @@ def _across(points: np.ndarray, along: np.ndarray, outer: np.ndarray, inner: np.
     across = _inwards(along)
     met = []
     for lines in (outer, inner):
-        (a, b), (low, high) = (
-            np.moveaxis(np.einsum("pkei,pi->pke", lines - points[:, None, None], direction), 2, 0)
-            for direction in (along, across)
-        )
+        from_points = lines - points[:, None, None]
+        a, b = np.moveaxis(np.einsum("pkei,pi->pke", from_points, along), 2, 0)
+        low, high = np.moveaxis(np.einsum("pkei,pi->pke", from_points, across), 2, 0)
         # Neighbouring lines end in the same point but for rounding: none passes between them.
         passes = (np.minimum(a, b) <= SAME_POINT_M) & (np.maximum(a, b) >= -SAME_POINT_M)
         with np.errstate(divide="ignore", invalid="ignore"):

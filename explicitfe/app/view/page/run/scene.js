@@ -84,7 +84,7 @@ const Playback = (() => {
     pull({ times, shares }) {
       const { arrays, frames } = this.data, before = Math.min(Math.floor(this.frame), frames - 1), after = Math.min(before + 1, frames - 1);
       const now = arrays.times[before] + (this.frame - before) * (arrays.times[after] - arrays.times[before]);
-      const k = Math.max(1, times.findIndex((time) => time >= now)), long = times[k] - times[k - 1];
+      const next = times.findIndex((time) => time >= now), k = next < 0 ? times.length - 1 : Math.max(1, next), long = times[k] - times[k - 1];
       return shares[k - 1] + (long > 0 ? (shares[k] - shares[k - 1]) * Math.min(1, Math.max(0, (now - times[k - 1]) / long)) : 0);
     }
 

@@ -13,7 +13,7 @@ from explicitfe.app.view.page.chart import Chart, Line, chart
 from explicitfe.app.view.page.run.packed import Packed
 from explicitfe.app.view.scene.carried import CarriedPoints, joined
 from explicitfe.platform.errors import InputError
-from explicitfe.results.acoustics.speakers import SPEAKER_GROUPS, spoken_vowels
+from explicitfe.results.acoustics.speakers import spoken_vowels
 from explicitfe.results.documents.run_summary import kind_of
 from explicitfe.results.files import Result
 from explicitfe.results.measure.courses import FormantCourse, formants_at
@@ -93,9 +93,7 @@ def _steps(sections: list[AirwaySection]) -> tuple[np.ndarray, np.ndarray]:
 def _vowels(course: FormantCourse) -> Chart | None:
     """F1 and F2 of the run over the ellipses of speakers, F2 to the left and F1 down."""
     spoken = spoken_vowels()
-    ellipses = [
-        (vowel, vowel.ellipse(ELLIPSE_DEVIATIONS)) for vowel in sorted(spoken, key=lambda one: -SPEAKER_GROUPS.index(one.group))
-    ]
+    ellipses = [(vowel, vowel.ellipse(ELLIPSE_DEVIATIONS)) for vowel in spoken]
     series = [Line("", points[:, 1], points[:, 0], colour=GROUP_COLOURS[vowel.group]) for vowel, points in ellipses]
     f1, f2, _ = course.frequency.T
     path = [Line("", f2, f1, drawn, PATH_COLOUR) for drawn in ("line", "dots")]

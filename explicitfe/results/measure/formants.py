@@ -23,6 +23,7 @@ from explicitfe.results.measure.airway import (
     surroundings,
 )
 from explicitfe.results.measure.document import Airway, AirwayRegion, AirwaySection, AreaSource, FormantFigures, FormantShifts
+from explicitfe.results.measure.leak import leak_history
 from explicitfe.results.measure.steps import step_at
 
 FORMANT_COUNT = 3
@@ -109,7 +110,22 @@ def cut_pieces(result: Recorded, step: int, table: AirwayTable) -> list[Piece]:
     pieces = pieces_between(surroundings(result, step, table))
     if not pieces:
         raise InputError(f"{result.path} has no airway: nothing of the tongue lies across it.")
-    return pieces
+    leak = leak_history(result, step)
+    return pieces if leak is None else bounded_by_leak(pieces, 1e6 * leak.size(step)[1])
+
+
+def bounded_by_leak(pieces: Sequence[Piece], leak_mm2: float) -> list[Piece]:
+    """The pieces, where no section of the mouth is narrower than the leak, and the narrowest is closed if the leak is.
+
+    A closure in the shape of a horseshoe closes no plane section, and a plane section that ends at the side of the tongue leaves
+    out what passes beside the molars.
+    """
+    mouth = [number for number, piece in enumerate(pieces) if piece.region == "mouth"]
+    narrowest = min(mouth, key=lambda number: pieces[number].area_mm2, default=None)
+    areas = {number: max(pieces[number].area_mm2, leak_mm2) for number in mouth}
+    if leak_mm2 == 0.0 and narrowest is not None:
+        areas[narrowest] = 0.0
+    return [piece._replace(area_mm2=areas.get(number, piece.area_mm2)) for number, piece in enumerate(pieces)]
 
 
 def pieces_between(around: Surroundings) -> list[Piece]:

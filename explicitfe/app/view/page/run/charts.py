@@ -9,15 +9,19 @@ import numpy as np
 
 from explicitfe.app.view.energy_balance import energy_balance
 from explicitfe.app.view.hourglass import hourglass_share
+from explicitfe.app.view.mouth import is_mouth
 from explicitfe.app.view.muscles import activation, muscle_name, muscles_of, on_times
 from explicitfe.app.view.over_time import ADVISED_HOURGLASS_SHARE, SIDEWAYS_SHARE
 from explicitfe.app.view.page.chart import COLOUR_COUNT, Chart, Line, chart, reached
 from explicitfe.results.documents.run_summary import kind_of
 from explicitfe.results.files import Result
+from explicitfe.results.measure.leak import leak_history
 from explicitfe.results.measure.sections import X, Y, Z
+from explicitfe.results.measure.steps import last_step
+from explicitfe.results.measure.tract import TOUCHING_GAP_M
 
 TIME_LABEL = "time (ms)"
-# Black is the last colour: the external work is drawn over the energies that add up to it.
+# Black is the last colour: the external work is drawn over the energies that add up to it, and a limit over what it limits.
 COLOUR_OF_WORK = COLOUR_COUNT - 1
 BALANCE_TITLE = "Energy balance: stored (dark) and dissipated (pale) energies add up to the external work (line)"
 
@@ -82,6 +86,7 @@ def _time_charts(result: Result) -> list[PlannedChart]:
         if series:
             plans.append(PlannedChart(title, y_label, series, TIME_LABEL, "time", spans, logarithmic, numerical))
 
+    add(f"Leak: widest open way (dashed: closed below {1e3 * TOUCHING_GAP_M:g} mm)", "mm", _leak_lines(result))
     courses = [(muscle, *activation(muscle, times[-1])) for muscle in muscles]
     add("Muscle forces", "N", [Line(muscle_name(one), at, one["force_N"] * share) for one, at, share in courses])
     for title, unit, lines in [*_point_lines(result), *_contact_lines(result)]:
@@ -150,6 +155,16 @@ def _contact_lines(result: Result) -> list[tuple[str, str, dict[str, np.ndarray]
         if any(np.any(line) for line in lines.values()):
             charts.append((title, unit, lines))
     return charts
+
+
+def _leak_lines(result: Result) -> list[Line]:
+    """The width of the leak of a tongue in its mouth, and the width below which it counts as closed."""
+    history = leak_history(result, last_step(result)) if is_mouth(result) else None
+    if history is None:
+        return []
+    times = 1e3 * history.times_s
+    limit = Line("", times, np.full(len(times), 1e3 * TOUCHING_GAP_M), colour=COLOUR_OF_WORK, dash=1)
+    return [Line("width", times, 1e3 * history.width_m), limit]
 
 
 def _tool_charts(result: Result) -> list[PlannedChart]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import zip_longest
 
 import numpy as np
 
@@ -15,9 +16,8 @@ from explicitfe.app.view.over_time import ADVISED_HOURGLASS_SHARE, SIDEWAYS_SHAR
 from explicitfe.app.view.page.chart import COLOUR_COUNT, Chart, Line, chart, reached
 from explicitfe.results.documents.run_summary import kind_of
 from explicitfe.results.files import Result
-from explicitfe.results.measure.leak import leak_history
+from explicitfe.results.measure.document import Measures
 from explicitfe.results.measure.sections import X, Y, Z
-from explicitfe.results.measure.steps import last_step
 from explicitfe.results.measure.tract import TOUCHING_GAP_M
 
 TIME_LABEL = "time (ms)"
@@ -40,9 +40,12 @@ class PlannedChart:
     numerical: bool = False
 
 
-def charts_of(results: Sequence[Result]) -> list[list[Chart]]:
-    """The charts of each result, without those for which it has no data; charts of the same title have the same axes."""
-    plans = [_plans(result) for result in results]
+def charts_of(results: Sequence[Result], measured: Sequence[Measures | None] = ()) -> list[list[Chart]]:
+    """The charts of each result, without those for which it has no data; charts of the same title have the same axes.
+
+    ``measured`` are measures of each at its last step, which have the leak over time.
+    """
+    plans = [_plans(result, measures) for result, measures in zip_longest(results, measured)]
     return [[drawn for plan in own if (drawn := _draw(plan, _alike(plan, plans))) is not None] for own in plans]
 
 
@@ -70,13 +73,13 @@ def _draw(plan: PlannedChart, alike: Sequence[Line]) -> Chart | None:
     return None if drawn is None else replace(drawn, numerical=plan.numerical)
 
 
-def _plans(result: Result) -> list[PlannedChart]:
+def _plans(result: Result, measures: Measures | None) -> list[PlannedChart]:
     if len(result.history("time")) < 2:
         return []
-    return _tool_charts(result) if kind_of(result.model) == "relaxation" else _time_charts(result)
+    return _tool_charts(result) if kind_of(result.model) == "relaxation" else _time_charts(result, measures)
 
 
-def _time_charts(result: Result) -> list[PlannedChart]:
+def _time_charts(result: Result, measures: Measures | None) -> list[PlannedChart]:
     times = 1e3 * result.history("time")
     muscles = [muscle for muscle in muscles_of(result) if muscle["force_N"] > 0.0]
     spans = on_times(muscles, times[-1])
@@ -86,7 +89,7 @@ def _time_charts(result: Result) -> list[PlannedChart]:
         if series:
             plans.append(PlannedChart(title, y_label, series, TIME_LABEL, "time", spans, logarithmic, numerical))
 
-    add(f"Leak: widest open way (dashed: closed below {1e3 * TOUCHING_GAP_M:g} mm)", "mm", _leak_lines(result))
+    add(f"Leak: widest open way (dashed: closed below {1e3 * TOUCHING_GAP_M:g} mm)", "mm", _leak_lines(result, measures))
     courses = [(muscle, *activation(muscle, times[-1])) for muscle in muscles]
     add("Muscle forces", "N", [Line(muscle_name(one), at, one["force_N"] * share) for one, at, share in courses])
     for title, unit, lines in [*_point_lines(result), *_contact_lines(result)]:
@@ -157,14 +160,13 @@ def _contact_lines(result: Result) -> list[tuple[str, str, dict[str, np.ndarray]
     return charts
 
 
-def _leak_lines(result: Result) -> list[Line]:
+def _leak_lines(result: Result, measures: Measures | None) -> list[Line]:
     """The width of the leak of a tongue in its mouth, and the width below which it counts as closed."""
-    history = leak_history(result, last_step(result)) if is_mouth(result) else None
-    if history is None:
+    if measures is None or measures.leak is None or not is_mouth(result):
         return []
-    times = 1e3 * history.times_s
+    times, width = np.array(measures.leak.course.time_ms), np.array(measures.leak.course.width_mm)
     limit = Line("", times, np.full(len(times), 1e3 * TOUCHING_GAP_M), colour=COLOUR_OF_WORK, dash=1)
-    return [Line("width", times, 1e3 * history.width_m), limit]
+    return [Line("width", times, width), limit]
 
 
 def _tool_charts(result: Result) -> list[PlannedChart]:

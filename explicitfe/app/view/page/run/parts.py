@@ -28,8 +28,10 @@ from explicitfe.results.documents.units_of_keys import terms_of, words_and_unit
 from explicitfe.results.files import FINISHED, Result
 from explicitfe.results.files.differing_keys import WORDS, differing_keys, table_in_words
 from explicitfe.results.measure.document import BoneContact, Measures
+from explicitfe.results.measure.formants import airway_of
 from explicitfe.results.measure.measure import measures_of
-from explicitfe.results.measure.numbers import numbers_at
+from explicitfe.results.measure.numbers import Number, flat, numbers_at
+from explicitfe.results.measure.steps import last_step, step_at
 
 # Longer values of a scenario are cut in the table of differences.
 LONGEST_VALUE_CHARACTERS = 80
@@ -79,17 +81,22 @@ class RunOnPage:
     is_tongue: bool
 
 
-def run_on_page(result: Result, last: int, label: str, charts: list[Chart], share: float) -> RunOnPage:
-    """One result as the page shows it, up to a step; ``share`` is its part of the size that a page may have."""
-    scenario = result.model.get("scenario", {})
-    measures = measures_of(result, last) if kind_of(result.model) == "transient" else None
+def run_on_page(result: Result, measures: Measures | None, label: str, charts: list[Chart], share: float) -> RunOnPage:
+    """One result as the page shows it.
+
+    Parameters
+    ----------
+    measures : at its last step; None for an indentation.
+    share : its part of the size that a page may have.
+    """
+    scenario, last = result.model.get("scenario", {}), last_step(result)
     return RunOnPage(
         label=label,
         title=title_of(result),
         checks=checks_of(result),
         question=paragraphs(str(scenario.get("question") or "")),
         expect=paragraphs(str(scenario.get("expect") or "")) if _is_as_expected(result) else [],
-        expected=_expectation_table(result, scenario.get("expected") or []) if _is_as_expected(result) else None,
+        expected=_expectation_table(result, measures, scenario.get("expected") or []) if _is_as_expected(result) else None,
         facts=dict(_facts(result, measures)),
         numerical=dict(_numerical_facts(result)),
         moved=None if measures is None or not result.mesh.named_points else _moved(measures),
@@ -216,8 +223,8 @@ def _is_as_expected(result: Result) -> bool:
     return result.status == FINISHED and all(key in (*WORDS, "analysis.threads") or key.startswith("record.") for key in keys)
 
 
-def _expectation_table(result: Result, expected: Sequence[Mapping[str, float]]) -> PageTable | None:
-    """Compare the expected measures of the scenario with those of this run."""
+def _expectation_table(result: Result, measures: Measures | None, expected: Sequence[Mapping[str, float]]) -> PageTable | None:
+    """Compare the expected measures of the scenario with those of this run; ``measures`` are those at its last step."""
     digits: dict[str, int] = {}  # of numbers with the same unit: the most that the scenario states
     for name, value in (pair for numbers in expected for pair in numbers.items()):
         unit = words_and_unit(name)[1]
@@ -227,7 +234,7 @@ def _expectation_table(result: Result, expected: Sequence[Mapping[str, float]]) 
         time_ms = numbers.get(TIME)
         time_s = None if time_ms is None else 1e-3 * time_ms
         try:
-            seen = numbers_at(result, time_s, formants=any(name.startswith("airway.") for name in numbers))
+            seen = _numbers(result, measures, time_s, any(name.startswith("airway.") for name in numbers))
         except InputError:  # no airway, or no such time
             seen = {}
         for name, value in numbers.items():
@@ -239,6 +246,15 @@ def _expectation_table(result: Result, expected: Sequence[Mapping[str, float]]) 
             if name != TIME:
                 rows.append((label, "" if time_ms is None else f"{time_ms:g}", f"{value:{form}}", *compared))
     return table(("measure", "at (ms)", "expected", "this run", "difference"), rows, "tnnnn")
+
+
+def _numbers(result: Result, last: Measures | None, time_s: float | None, with_airway: bool) -> dict[str, Number]:
+    """As :func:`numbers_at`, from the measures at the last step where that is the step."""
+    if last is None:
+        return numbers_at(result, time_s)
+    step = step_at(result, time_s)
+    measures = last if step == last_step(result) else measures_of(result, step)
+    return flat(measures.model_copy(update={"airway": airway_of(result, step)}) if with_airway else measures)
 
 
 def _commands(result: Result) -> Iterator[str]:

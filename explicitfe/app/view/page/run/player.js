@@ -110,6 +110,8 @@
     const { squares, times, formants, dot, figure, areas } = moment, { arrays, frames } = body.data;
     const say = (name, text) => section.querySelectorAll(`output[data-of="${name}"]`).forEach((output) => (output.textContent = text));
     const frame = Math.min(Math.round(body.frame), frames - 1), at = arrays.times[frame];
+    if (frame === moment.frame) return;
+    moment.frame = frame;
     squares.forEach((square, k) => square.classList.toggle("on", arrays.contacts[frame * squares.length + k] > 0));
     say("contacts", figure.querySelectorAll(".on").length);
     const nearest = times.reduce((best, time, k) => (Math.abs(time - at) < Math.abs(times[best] - at) ? k : best), 0);

@@ -77,7 +77,7 @@ class LeakHistory:
     def at(self, step: int) -> Leak:
         """The leak at a step."""
         points, tongue = self._surfaces(step)
-        return leak_in(self._grid, points, _gaps(points, tongue, self._samples, self._grid.to_border))
+        return leak_in(self._grid, points, gaps_below(points, tongue, self._samples, self._grid.to_border))
 
     def size(self, step: int) -> tuple[float, float]:
         """Width m and area m2 of the leak at a step."""
@@ -154,7 +154,7 @@ def leak_in(grid: RoofGrid, points: np.ndarray, gaps: np.ndarray) -> Leak:
     return Leak(width, area, points[way], narrowest, float(grid.place[row]), float(grid.side[row, column]), over, beside)
 
 
-def _gaps(points: np.ndarray, tongue: np.ndarray, samples: OnTriangles, to_border: np.ndarray) -> np.ndarray:
+def gaps_below(points: np.ndarray, tongue: np.ndarray, samples: OnTriangles, to_border: np.ndarray) -> np.ndarray:
     """Gaps (n,) m at points (n, 3) m of a grid, negative inside of the tongue (m, 3 corners, 3) m."""
     distance, _ = clearance(points, tongue, samples, SAMPLES_TRIED)
     return np.minimum(distance, to_border.ravel())
@@ -162,7 +162,7 @@ def _gaps(points: np.ndarray, tongue: np.ndarray, samples: OnTriangles, to_borde
 
 @kept(1024)  # a report measures the same samples several times
 def _size(points: np.ndarray, tongue: np.ndarray, samples: OnTriangles, to_border: np.ndarray) -> tuple[float, float]:
-    gaps = _gaps(points, tongue, samples, to_border)
+    gaps = gaps_below(points, tongue, samples, to_border)
     return widest_way(gaps, to_border.shape)[0], smallest_area(gaps, points, to_border.shape)
 
 

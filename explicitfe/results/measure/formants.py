@@ -111,21 +111,24 @@ def cut_pieces(result: Recorded, step: int, table: AirwayTable) -> list[Piece]:
     if not pieces:
         raise InputError(f"{result.path} has no airway: nothing of the tongue lies across it.")
     leak = leak_history(result, step)
-    return pieces if leak is None else bounded_by_leak(pieces, 1e6 * leak.size(step)[1])
+    return pieces if leak is None else closed_by_leak(pieces, 1e6 * leak.size(step)[1])
 
 
-def bounded_by_leak(pieces: Sequence[Piece], leak_mm2: float) -> list[Piece]:
-    """The pieces, where no section of the mouth is narrower than the leak, and the narrowest is closed if the leak is.
+def closed_by_leak(pieces: Sequence[Piece], leak_mm2: float) -> list[Piece]:
+    """The pieces, closed in the mouth if and only if the leak is.
 
-    A closure in the shape of a horseshoe closes no plane section, and a plane section that ends at the side of the tongue leaves
-    out what passes beside the molars.
+    A closure in the shape of a horseshoe closes no plane section: then the narrowest piece of the mouth has no area. And a plane
+    section that ends at the side of the tongue leaves out what passes beside the molars: if one is closed though the leak is not,
+    no piece of the mouth is narrower than the leak.
     """
+    areas = [piece.area_mm2 for piece in pieces]
     mouth = [number for number, piece in enumerate(pieces) if piece.region == "mouth"]
-    narrowest = min(mouth, key=lambda number: pieces[number].area_mm2, default=None)
-    areas = {number: max(pieces[number].area_mm2, leak_mm2) for number in mouth}
-    if leak_mm2 == 0.0 and narrowest is not None:
-        areas[narrowest] = 0.0
-    return [piece._replace(area_mm2=areas.get(number, piece.area_mm2)) for number, piece in enumerate(pieces)]
+    if leak_mm2 == 0.0 and mouth:
+        areas[min(mouth, key=areas.__getitem__)] = 0.0
+    elif any(areas[number] == 0.0 for number in mouth):
+        for number in mouth:
+            areas[number] = max(areas[number], leak_mm2)
+    return [piece._replace(area_mm2=area) for piece, area in zip(pieces, areas, strict=True)]
 
 
 def pieces_between(around: Surroundings) -> list[Piece]:

@@ -34,6 +34,7 @@ from explicitfe.results.measure.tract import PALATE, TOUCHING_GAP_M
 # The distance from the tongue is that from the triangles of so many samples of its surface: for the built-in tongue on the medium
 # mesh right within 2 micrometres.
 SAMPLES_TRIED = 4
+WIDER_SHARE = 1e-6  # of the wider end of a step
 LEAST_WEIGHT_M = 1e-9  # a weight of 0 would be no edge
 NO_WAY_M = -1.0  # gap of a point that a way may not use
 
@@ -77,7 +78,7 @@ class LeakHistory:
     def at(self, step: int) -> Leak:
         """The leak at a step."""
         points, tongue = self._surfaces(step)
-        return leak_in(self._grid, points, _gaps(points, tongue, self._samples, self._grid.to_border))
+        return leak_in(self._grid, points, gaps_below(points, tongue, self._samples, self._grid.to_border))
 
     def size(self, step: int) -> tuple[float, float]:
         """Width m and area m2 of the leak at a step."""
@@ -154,7 +155,7 @@ def leak_in(grid: RoofGrid, points: np.ndarray, gaps: np.ndarray) -> Leak:
     return Leak(width, area, points[way], narrowest, float(grid.place[row]), float(grid.side[row, column]), over, beside)
 
 
-def _gaps(points: np.ndarray, tongue: np.ndarray, samples: OnTriangles, to_border: np.ndarray) -> np.ndarray:
+def gaps_below(points: np.ndarray, tongue: np.ndarray, samples: OnTriangles, to_border: np.ndarray) -> np.ndarray:
     """Gaps (n,) m at points (n, 3) m of a grid, negative inside of the tongue (m, 3 corners, 3) m."""
     distance, _ = clearance(points, tongue, samples, SAMPLES_TRIED)
     return np.minimum(distance, to_border.ravel())
@@ -162,7 +163,7 @@ def _gaps(points: np.ndarray, tongue: np.ndarray, samples: OnTriangles, to_borde
 
 @kept(1024)  # a report measures the same samples several times
 def _size(points: np.ndarray, tongue: np.ndarray, samples: OnTriangles, to_border: np.ndarray) -> tuple[float, float]:
-    gaps = _gaps(points, tongue, samples, to_border)
+    gaps = gaps_below(points, tongue, samples, to_border)
     return widest_way(gaps, to_border.shape)[0], smallest_area(gaps, points, to_border.shape)
 
 
@@ -177,7 +178,9 @@ def widest_way(gaps: np.ndarray, shape: tuple[int, ...]) -> tuple[float, np.ndar
     front, back = np.arange(columns), np.arange(count - columns, count)
     one = np.concatenate([first, np.full(columns, count), back])
     other = np.concatenate([second, front, np.full(columns, count + 1)])
-    width = np.concatenate([np.minimum(gaps[first], gaps[second]), gaps[front], gaps[back]])
+    # All steps to a narrow point are as wide as that: of these the one from the wider point comes first.
+    ends = np.sort(np.stack([gaps[first], gaps[second]]), axis=0)
+    width = np.concatenate([ends[0] + WIDER_SHARE * ends[1], gaps[front], gaps[back]])
     weight = width.max() - width + LEAST_WEIGHT_M
     tree = csgraph.minimum_spanning_tree(scipy.sparse.csr_array((weight, (one, other)), shape=(count + 2, count + 2)))
     before = csgraph.breadth_first_order(tree, count, directed=False)[1]

@@ -18,7 +18,7 @@ from explicitfe.app.view.muscles import muscles_of, pull_in_words
 from explicitfe.app.view.page.chart import Chart
 from explicitfe.app.view.page.run.checks import Checks, checks_of
 from explicitfe.app.view.page.run.playback import frame_count, playback
-from explicitfe.app.view.page.run.speech import Speech, speech_of
+from explicitfe.app.view.page.run.speech import Speech, fibre_points, speech_of
 from explicitfe.app.view.page.tables import PageTable, table
 from explicitfe.app.view.page.words import DASH, bare, finite, motion_at_end, number, paragraphs, percent, speed
 from explicitfe.platform.errors import InputError
@@ -57,6 +57,7 @@ class RunOnPage:
     charts : drawn from its history.
     playback : data of the animation, with ``frames`` of the ``stored`` samples.
     speech : its acoustics; None for a run of another model than the tongue.
+    has_fibres : whether muscle fibres are part of the animation.
     scenario : text of the scenario file; ``commands`` repeat the run and show more of it.
     is_tongue : whether it is a run in time rather than an indentation.
     """
@@ -75,6 +76,7 @@ class RunOnPage:
     frames: int
     stored: int
     speech: Speech | None
+    has_fibres: bool
     provenance: dict[str, str]
     scenario: str
     commands: list[str]
@@ -105,6 +107,7 @@ def run_on_page(result: Result, measures: Measures | None, label: str, charts: l
         frames=frame_count(result, last, share),
         stored=len(result.times),
         speech=speech_of(result, last),
+        has_fibres=fibre_points(result) is not None,
         provenance={key.replace("_", " "): str(value) for key, value in result.provenance.items() if value is not None},
         scenario=result.scenario_text,
         commands=list(_commands(result)),

@@ -29,7 +29,7 @@ from explicitfe.results.measure.airway import (
     wall_surface,
 )
 from explicitfe.results.measure.courses import constriction_course, formant_course
-from explicitfe.results.measure.formants import Piece, airway, closed_by_leak, formants_of
+from explicitfe.results.measure.formants import Piece, airway, formants_of, limit_by_leak
 from explicitfe.results.measure.measure import measure
 from explicitfe.results.measure.tract import SectionPlane
 from explicitfe.simulate.anatomy import catalogue
@@ -260,10 +260,10 @@ def test_a_tongue_that_leaves_a_way_beside_the_molars_does_not_close_the_airway(
 
 def test_a_closed_leak_closes_the_narrowest_section_of_the_mouth():
     pieces = [Piece("pharynx", "geometry", 1.0, 5.0), *(Piece("mouth", "geometry", 1.0, area) for area in (30.0, 20.0, 40.0))]
-    assert [piece.area_mm2 for piece in closed_by_leak(pieces, 0.0)] == [5.0, 30.0, 0.0, 40.0]
-    assert closed_by_leak(pieces, 25.0) == pieces
+    assert [piece.area_mm2 for piece in limit_by_leak(pieces, 0.0)] == [5.0, 30.0, 0.0, 40.0]
+    assert limit_by_leak(pieces, 25.0) == pieces
     shut = [*pieces, Piece("mouth", "geometry", 1.0, 0.0)]
-    assert [piece.area_mm2 for piece in closed_by_leak(shut, 25.0)] == [5.0, 30.0, 25.0, 40.0, 25.0]
+    assert [piece.area_mm2 for piece in limit_by_leak(shut, 25.0)] == [5.0, 30.0, 25.0, 40.0, 25.0]
 
 
 def test_the_jaw_opens_the_front(tmp_path):

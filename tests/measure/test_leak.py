@@ -204,6 +204,19 @@ def test_the_grid_goes_with_a_roof_that_is_bent():
     np.testing.assert_allclose(grid.points.at(roof @ change + 0.01), at_rest @ change + 0.01, atol=1e-9)
 
 
+def test_air_passes_around_a_uvula():
+    """A roof 30 mm wide that comes to a point over its last 21 mm: it ends where a third of the width is left."""
+
+    def place(x: np.ndarray, share: np.ndarray) -> np.ndarray:
+        return np.stack([x, share * np.interp(x, [49e-3, LENGTH_M], [HALF_WIDTH_M, 0.0]), np.zeros_like(x)], axis=-1)
+
+    roof = sheet(MM * np.arange(0.0, 71.0, 3.5), np.linspace(-1.0, 1.0, 7), place)
+    grid = roof_grid(roof, 0.0)
+    assert grid is not None
+    assert 1e3 * grid.place[-1] == pytest.approx(49.0 + 21.0 * 2.0 / 3.0, abs=1e3 * GRID_SPACING_M)
+    assert 1e3 * leak_between(roof, flat_tongue(2.0)).width_m == pytest.approx(2.0, abs=1e-6)
+
+
 def test_the_distance_is_that_from_the_nearest_triangle():
     mesh = catalogue.built_in("tongue", "medium").mesh
     triangles, _ = surface_triangles(mesh, mesh.points)

@@ -111,10 +111,10 @@ def cut_pieces(result: Recorded, step: int, table: AirwayTable) -> list[Piece]:
     if not pieces:
         raise InputError(f"{result.path} has no airway: nothing of the tongue lies across it.")
     leak = leak_history(result, step)
-    return pieces if leak is None else closed_by_leak(pieces, 1e6 * leak.size(step)[1])
+    return pieces if leak is None else limit_by_leak(pieces, 1e6 * leak.size(step)[1])
 
 
-def closed_by_leak(pieces: Sequence[Piece], leak_mm2: float) -> list[Piece]:
+def limit_by_leak(pieces: Sequence[Piece], leak_mm2: float) -> list[Piece]:
     """The pieces, closed in the mouth if and only if the leak is.
 
     A closure in the shape of a horseshoe closes no plane section: then the narrowest piece of the mouth has no area. And a plane

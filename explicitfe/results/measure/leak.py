@@ -36,7 +36,7 @@ from explicitfe.results.measure.tract import PALATE, TOUCHING_GAP_M
 SAMPLES_TRIED = 4
 WIDER_SHARE = 1e-6  # of the wider end of a step
 LEAST_WEIGHT_M = 1e-9  # a weight of 0 would be no edge
-NO_WAY_M = -1.0  # gap of a point that a way may not use
+EXCLUDED_M = -1.0  # gap of a point that a way may not use
 
 
 class Leak(NamedTuple):
@@ -145,14 +145,15 @@ def leak(result: Recorded, step: int) -> LeakFigures | None:
 
 def leak_in(grid: RoofGrid, points: np.ndarray, gaps: np.ndarray) -> Leak:
     """The leak between points (n, 3) m of a grid and a tongue in signed gaps (n,) m from them."""
-    width, way = widest_way(gaps, grid.side.shape)
-    narrowest = int(gaps[way].argmin())
-    row, column = divmod(int(way[narrowest]), grid.side.shape[1])
+    width, path = widest_path(gaps, grid.side.shape)
+    narrowest = int(gaps[path].argmin())
+    row, column = divmod(int(path[narrowest]), grid.side.shape[1])
     over, beside = (
-        widest_way(np.where(region.ravel(), gaps, NO_WAY_M), region.shape)[0] for region in (grid.over_plate, grid.beside_molars)
+        widest_path(np.where(region.ravel(), gaps, EXCLUDED_M), region.shape)[0]
+        for region in (grid.over_plate, grid.beside_molars)
     )
     area = smallest_area(gaps, points, grid.side.shape)
-    return Leak(width, area, points[way], narrowest, float(grid.place[row]), float(grid.side[row, column]), over, beside)
+    return Leak(width, area, points[path], narrowest, float(grid.place[row]), float(grid.side[row, column]), over, beside)
 
 
 def gaps_below(points: np.ndarray, tongue: np.ndarray, samples: OnTriangles, to_border: np.ndarray) -> np.ndarray:
@@ -164,10 +165,10 @@ def gaps_below(points: np.ndarray, tongue: np.ndarray, samples: OnTriangles, to_
 @kept(1024)  # a report measures the same samples several times
 def _size(points: np.ndarray, tongue: np.ndarray, samples: OnTriangles, to_border: np.ndarray) -> tuple[float, float]:
     gaps = gaps_below(points, tongue, samples, to_border)
-    return widest_way(gaps, to_border.shape)[0], smallest_area(gaps, points, to_border.shape)
+    return widest_path(gaps, to_border.shape)[0], smallest_area(gaps, points, to_border.shape)
 
 
-def widest_way(gaps: np.ndarray, shape: tuple[int, ...]) -> tuple[float, np.ndarray]:
+def widest_path(gaps: np.ndarray, shape: tuple[int, ...]) -> tuple[float, np.ndarray]:
     """Width m of the widest way from the first row of a grid to the last one, and the numbers (k,) of its points.
 
     No way has a larger smallest gap than that on the maximum spanning tree of the grid. Signed ``gaps`` (n,) m let it pass a
@@ -184,11 +185,11 @@ def widest_way(gaps: np.ndarray, shape: tuple[int, ...]) -> tuple[float, np.ndar
     weight = width.max() - width + LEAST_WEIGHT_M
     tree = csgraph.minimum_spanning_tree(scipy.sparse.csr_array((weight, (one, other)), shape=(count + 2, count + 2)))
     before = csgraph.breadth_first_order(tree, count, directed=False)[1]
-    way, point = [], int(before[count + 1])
+    numbers, point = [], int(before[count + 1])
     while point != count:
-        way.append(point)
+        numbers.append(point)
         point = int(before[point])
-    path = np.array(way[::-1])
+    path = np.array(numbers[::-1])
     return max(0.0, float(gaps[path].min())), path
 
 

@@ -15,10 +15,13 @@ from explicitfe.results.measure.tract import palate_midline
 
 # Rows lie so far apart along the midline, and points of a row so far along the underside: in the mean of all rows.
 GRID_SPACING_M = 1e-3
+# The uvula begins where the roof is narrower than this share of its largest width.
+UVULA_SHARE = 1.0 / 3.0
 # Surfaces are sampled so densely at rest.
-SAMPLE_SPACING_M = 2e-3
+SURFACE_SPACING_M = 2e-3
 # Triangles of the roof of so many samples near a point of the grid are tried.
 ROOF_SAMPLES_TRIED = 16
+LEAF_SIZE = 32  # of the tree of samples, the fastest
 # Triangles that are as near to a point, but for rounding, have an edge or a corner in common.
 SAME_DISTANCE_M = 1e-9
 
@@ -69,7 +72,8 @@ def roof_grid(roof: np.ndarray, plane: float) -> RoofGrid | None:
 
     Rows lie where x is that of points of the midline in equal distances. In each row both sides have the same number of points,
     equally far apart along the underside, from the midline to the crest of the dental arch, or to the edge where there is no
-    arch. None where a row has no underside on one side, and for a roof that is too short.
+    arch. The uvula, around which air passes, has no rows. None where a row has no underside on one side, and for a roof that is
+    too short.
     """
     line = palate_midline(roof, plane)
     if line is None or line.length[-1] < 2.0 * GRID_SPACING_M:
@@ -84,10 +88,13 @@ def roof_grid(roof: np.ndarray, plane: float) -> RoofGrid | None:
     if any(len(depth) < 2 for *_, depth in halves):
         return None
     curves = [_Curve.of(outwards, depth) for *_, outwards, depth in halves]
-    columns = max(2, int(np.ceil(np.mean([curve.length[-1] for curve in curves]) / GRID_SPACING_M)))
+    half_width = np.array([curve.length[-1] for curve in curves]).reshape(rows, 2)
+    rows = _rows_before_uvula(half_width.min(axis=1))
+    places, halves, curves, half_width = places[:rows], halves[: 2 * rows], curves[: 2 * rows], half_width[:rows]
+    columns = max(2, int(np.ceil(half_width.mean() / GRID_SPACING_M)))
     share = np.arange(columns + 1) / columns
     points = np.empty((rows, 2, columns + 1, 3))
-    to_border = np.array([curve.length[-1] for curve in curves]).reshape(rows, 2, 1) * (1.0 - share)
+    to_border = half_width[:, :, None] * (1.0 - share)
     gum = np.empty((rows, 2), dtype=np.int64)
     for number, ((x, z, side, _, _), curve) in enumerate(zip(halves, curves, strict=True)):
         outwards, depth = (np.interp(share * curve.length[-1], curve.length, of) for of in (curve.outwards, curve.depth))
@@ -99,6 +106,13 @@ def roof_grid(roof: np.ndarray, plane: float) -> RoofGrid | None:
     _, triangle = clearance(flat, roof, surface_samples(roof), ROOF_SAMPLES_TRIED)
     beside = (beyond >= 0) | (places < FIRST_ROW_M)[:, None]
     return RoofGrid(OnTriangles.of(flat, triangle, roof), places, grid[:, :, Y] - plane, to_border, beyond <= 0, beside)
+
+
+def _rows_before_uvula(half_width: np.ndarray) -> int:
+    """Number of rows, of half widths (r,) m, before the first one behind the widest that has too small a share of its width."""
+    widest = int(half_width.argmax())
+    narrow = half_width[widest:] < UVULA_SHARE * half_width[widest]
+    return widest + int(narrow.argmax()) if narrow.any() else len(half_width)
 
 
 class _Curve(NamedTuple):
@@ -126,7 +140,7 @@ def clearance(points: np.ndarray, corners: np.ndarray, samples: OnTriangles, tri
     corners : (m, 3 corners, 3) m. Triangles of the surface; normals point outwards.
     samples : points on them. Distances are those from the triangles of the nearest ``tried`` of these.
     """
-    tree = scipy.spatial.cKDTree(samples.at(corners), balanced_tree=False, compact_nodes=False)
+    tree = scipy.spatial.cKDTree(samples.at(corners), leafsize=LEAF_SIZE, balanced_tree=False, compact_nodes=False)
     tried = min(tried, len(samples.triangle))
     triangle = samples.triangle[tree.query(points, k=np.arange(1, tried + 1))[1]]
     near = corners[triangle.ravel()]
@@ -143,7 +157,7 @@ def clearance(points: np.ndarray, corners: np.ndarray, samples: OnTriangles, tri
 
 @kept(4)
 def surface_samples(corners: np.ndarray) -> OnTriangles:
-    """Points on triangles (m, 3 corners, 3) m, ``SAMPLE_SPACING_M`` apart or less."""
+    """Points on triangles (m, 3 corners, 3) m, ``SURFACE_SPACING_M`` apart or less."""
     everywhere = np.stack([corners.min(axis=(0, 1)), corners.max(axis=(0, 1))])
-    points, triangle = triangle_samples(corners, SAMPLE_SPACING_M, everywhere)
+    points, triangle = triangle_samples(corners, SURFACE_SPACING_M, everywhere)
     return OnTriangles.of(points, triangle, corners)

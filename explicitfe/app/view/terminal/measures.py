@@ -144,7 +144,7 @@ def _leak(leak: LeakFigures) -> str:
     lines = [
         f"{'closed: ' if leak.closed else ''}{leak.width_mm:.1f} mm wide, {leak.area_mm2:.0f} mm²; narrowest "
         f"{leak.place_mm:.0f} mm behind the incisors, {abs(leak.side_mm):.0f} mm to the {side}; "
-        f"over the plate {leak.over_plate_mm:.1f} mm, beside the molars {leak.beside_molars_mm:.1f} mm"
+        f"over the plate {leak.over_plate_mm:.1f} mm, next to the molars {leak.beside_molars_mm:.1f} mm"
     ]
     closures = (f"{each.from_ms:.0f} to {each.to_ms:.0f} ms ({each.duration_ms:.0f} ms)" for each in leak.closures)
     return "\n".join([*lines, *(f"closed from {each}" for each in closures)])

@@ -29,7 +29,7 @@ from explicitfe.results.measure.airway import (
     wall_surface,
 )
 from explicitfe.results.measure.courses import constriction_course, formant_course
-from explicitfe.results.measure.formants import airway, formants_of
+from explicitfe.results.measure.formants import Piece, airway, formants_of, limit_by_leak
 from explicitfe.results.measure.measure import measure
 from explicitfe.results.measure.tract import SectionPlane
 from explicitfe.simulate.anatomy import catalogue
@@ -52,9 +52,13 @@ def tongue(
     bone: Sequence[dict[str, Any]] = (),
     bones: Sequence[str] = ("palate", "jaw"),
     jaw_down_mm: float = 0.0,
+    wider: float = 1.0,
     stored: dict[str, Any] | None = AIRWAY,
 ) -> Path:
-    """A result in which the built-in tongue goes from rest to a shift along x, y and z as a rigid body, and the jaw down."""
+    """A result in which the built-in tongue goes from rest to a shift along x, y and z as a rigid body, and the jaw down.
+
+    Its width may be multiplied on the way.
+    """
     mesh = catalogue.built_in("tongue", "coarse").mesh
     shapes = {name: catalogue.bones("tongue")[name].surface for name in bones}
     scenario = {"title": "Shifted", "analysis": {"type": "transient"}, "bone": list(bone), **({"lips": lips} if lips else {})}
@@ -74,7 +78,7 @@ def tongue(
             result.sample(
                 time,
                 {"bone_jaw_placement": placement},
-                {"displacement": np.tile(1e-3 * share * np.array(shift_mm), (mesh.node_count, 1))},
+                {"displacement": share * (1e-3 * np.array(shift_mm) + mesh.points * [0.0, wider - 1.0, 0.0])},
             )
         return result.finish(FINISHED, "", {})
 
@@ -239,11 +243,27 @@ def test_lips_of_the_scenario_and_what_they_change(tmp_path):
 
 
 def test_a_tongue_pressed_to_the_palate_closes_the_airway(tmp_path):
-    path = tongue(tmp_path / "a.vtkhdf", (0.0, 0.0, 11.0))
+    path = tongue(tmp_path / "a.vtkhdf", (0.0, 0.0, 11.0), wider=1.3)
     answer = airway(path)
     assert answer.closed and answer.smallest_area_mm2 == 0.0
     with open_result(path) as result:
         assert np.isnan(formant_course(result).frequency[1]).all()
+
+
+def test_a_tongue_that_leaves_a_way_beside_the_molars_does_not_close_the_airway(tmp_path):
+    path = tongue(tmp_path / "a.vtkhdf", (0.0, 0.0, 11.0))  # the plane sections end at its sides, and have no area
+    answer, leak = airway(path), measure(path).leak
+    assert leak is not None and leak.over_plate_mm == 0.0 and leak.beside_molars_mm > 1.0
+    assert not answer.closed and len(answer.formants) == 3
+    assert answer.smallest_area_mm2 == pytest.approx(leak.area_mm2)
+
+
+def test_a_closed_leak_closes_the_narrowest_section_of_the_mouth():
+    pieces = [Piece("pharynx", "geometry", 1.0, 5.0), *(Piece("mouth", "geometry", 1.0, area) for area in (30.0, 20.0, 40.0))]
+    assert [piece.area_mm2 for piece in limit_by_leak(pieces, 0.0)] == [5.0, 30.0, 0.0, 40.0]
+    assert limit_by_leak(pieces, 25.0) == pieces
+    shut = [*pieces, Piece("mouth", "geometry", 1.0, 0.0)]
+    assert [piece.area_mm2 for piece in limit_by_leak(shut, 25.0)] == [5.0, 30.0, 25.0, 40.0, 25.0]
 
 
 def test_the_jaw_opens_the_front(tmp_path):

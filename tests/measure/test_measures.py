@@ -457,6 +457,11 @@ def test_the_document_has_all_keys(tmp_path, capsys):
             "row_places_mm": [None],
             "course": {name: [None] for name in ("time_ms", "contacts", "area_mm2", "force_N")},
         },
+        "leak": {
+            **dict.fromkeys(("width_mm", "area_mm2", "closed", "place_mm", "side_mm", "over_plate_mm", "beside_molars_mm")),
+            "course": {name: [None] for name in ("time_ms", "width_mm", "area_mm2")},
+            "closures": None,
+        },
         "body": {
             **dict.fromkeys(("largest_displacement_mm", "largest_so_far_mm", "fastest_mm_s", "settled", "time_to_90_ms")),
             **dict.fromkeys(("volume_change_percent", "left_right_mm")),

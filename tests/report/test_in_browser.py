@@ -5,35 +5,15 @@ The browser is the Chromium of the system or the one that playwright installs; w
 
 from __future__ import annotations
 
-import io
-import shutil
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from gesture import write_gesture, write_indentation
+from opened_page import NARROW, PATIENCE_MS, WIDE, Opened
 
 from explicitfe.app.view.page.run.write import write_report
-
-sync_api = pytest.importorskip("playwright.sync_api", reason="pages are tested with playwright: pip install playwright")
-
-ARGUMENTS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist"]
-WIDE, NARROW = {"width": 1280, "height": 900}, {"width": 390, "height": 844}
-PATIENCE_MS = 60_000  # of a machine that does much else; docs/how-to/report.md says how long it takes on one that does not
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Any]:
-    # A loop of playwright that is open would be in the way of tests that start their own.
-    with sync_api.sync_playwright() as playwright:
-        names = ("chromium", "chromium-browser", "google-chrome")
-        own = next((path for path in map(shutil.which, names) if path), None)
-        if own is None and not Path(playwright.chromium.executable_path).exists():
-            pytest.skip("there is no Chromium here: install it, or run `playwright install chromium`")
-        with playwright.chromium.launch(executable_path=own, args=ARGUMENTS) as started:
-            yield started
 
 
 @pytest.fixture(scope="module")
@@ -44,49 +24,6 @@ def gesture(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def report(gesture: Path) -> Path:
     return Path(write_report([gesture])["report"])
-
-
-class Opened:
-    """A page that is open and ready, with what it complained of, and what it asked of a network."""
-
-    def __init__(self, browser: Any, path: Path, viewport: dict[str, int], **wishes: Any) -> None:
-        context = browser.new_context(viewport=viewport, reduced_motion=wishes.pop("reduced_motion", "reduce"), **wishes)
-        self.page = context.new_page()
-        self.complaints: list[str] = []
-        self.requests: list[str] = []
-        self.page.on("console", lambda message: self.complaints.append(f"{message.type}: {message.text}"))
-        self.page.on("pageerror", lambda error: self.complaints.append(str(error)))
-        self.page.on("request", lambda request: self.requests.append(request.url))
-        self.page.goto(path.as_uri())
-        self.page.wait_for_selector("main[data-ready]", timeout=PATIENCE_MS)
-
-    def picture(self, selector: str) -> np.ndarray:
-        """What is on the screen, (height, width, 3)."""
-        from PIL import Image
-
-        return np.asarray(Image.open(io.BytesIO(self.page.locator(selector).first.screenshot())).convert("RGB"), dtype=int)
-
-    def slide(self, value: float) -> None:
-        """Move the slider as a reader does."""
-        self.page.locator("[data-control=time]").evaluate(
-            "(slider, value) => { slider.value = value; slider.dispatchEvent(new Event('input', { bubbles: true })); }", value
-        )
-
-    @property
-    def clock(self) -> str:
-        return str(self.page.locator(".clock").inner_text())
-
-    def colour(self, name: str) -> list[float]:
-        """Red, green and blue of the page's ground or letters, 0 to 255."""
-        script = "(name) => getComputedStyle(document.body)[name].match(/[\\d.]+/g).slice(0, 3).map(Number)"
-        numbers: list[float] = self.page.evaluate(script, name)
-        return numbers
-
-    @property
-    def share_drawn(self) -> float:
-        """Which share of the canvas is not its ground."""
-        picture = self.picture("canvas")
-        return float((np.abs(picture - picture[3, 20]).sum(axis=2) > 30).mean())
 
 
 @pytest.fixture(scope="module")

@@ -9,8 +9,10 @@ import numpy as np
 from explicitfe.app.view.mouth import drawn_bones
 from explicitfe.app.view.palette import BONE, BONE_EDGE, CONSTRICTION
 from explicitfe.results.files import Result, StoredBone
+from explicitfe.results.measure.leak import leak_history
 from explicitfe.results.measure.measure import nearest_of
 from explicitfe.results.measure.sections import Z, cut_surface
+from explicitfe.results.measure.tract import TOUCHING_GAP_M
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -51,16 +53,20 @@ def fill_bones(
 
 
 def mark_constriction(axes: Axes, result: Result, step: int) -> None:
-    """Mark the smallest distance between tongue and palate in a side view; nothing without a palate."""
+    """Mark the smallest distance between tongue and palate in a side view; nothing without a palate.
+
+    It is called closed only if no way around it is open either.
+    """
     from matplotlib.patheffects import withStroke
 
     nearest = nearest_of(result, step)
     if nearest is None:
         return
+    leak = leak_history(result, step)
     ends = 1e3 * np.stack([nearest.on_tongue, nearest.on_palate])
     axes.plot(*ends.T, "-o", color=CONSTRICTION, lw=2.0, ms=4.0, zorder=8, label="constriction")
     axes.annotate(
-        f"{1e3 * nearest.width:.1f} mm" if nearest.width > 0.0 else "closed",
+        "closed" if leak is not None and leak.size(step)[0] <= TOUCHING_GAP_M else f"{1e3 * nearest.width:.1f} mm",
         ends[1],
         (0.0, 10.0),
         textcoords="offset points",

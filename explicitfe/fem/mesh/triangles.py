@@ -80,9 +80,9 @@ def segments_of_planes(corners: np.ndarray, points: np.ndarray, normals: np.ndar
     # Plane after plane: heights of all triangles over all planes would be many times the surface.
     heights, triangles = [], []
     for point, normal in zip(points, normals, strict=True):
-        height = (corners - point) @ normal
-        behind = height > 0.0
-        cut = np.flatnonzero(behind.any(axis=1) & ~behind.all(axis=1))
+        height = ((corners - point).reshape(-1, 3) @ normal).reshape(-1, 3)
+        a, b, c = (height > 0.0).T
+        cut = np.flatnonzero((a != b) | (b != c))
         heights.append(height[cut])
         triangles.append(cut)
     corners, height = corners[np.concatenate(triangles)], np.concatenate(heights)

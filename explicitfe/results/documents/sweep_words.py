@@ -16,6 +16,7 @@ OWNERS = {
     "highest": "highest point",
     "body": "body",
     "palatogram": "palatogram",
+    "leak": "leak",
     "airway": "airway",
 }
 # Tables of a scenario that stand for themselves: what is in them needs no owner.

@@ -18,7 +18,15 @@ from explicitfe.results.files.airway_table import AirwayTable, WallTable
 from explicitfe.results.measure.bodies import roof_of, tongue_of
 from explicitfe.results.measure.document import AirwayRegion
 from explicitfe.results.measure.sections import X, Z, middle
-from explicitfe.results.measure.tract import COLUMN_WIDTH_M, TOUCHING_GAP_M, SectionPlane, columns, crossings, palate_midline
+from explicitfe.results.measure.tract import (
+    COLUMN_WIDTH_M,
+    SAME_POINT_M,
+    TOUCHING_GAP_M,
+    SectionPlane,
+    columns,
+    crossings,
+    palate_midline,
+)
 
 PALATE_BONE, JAW_BONE = "palate", "jaw"
 # The midline is drawn through points this far apart, smoothed over this length, in so many rounds.
@@ -157,12 +165,9 @@ def airway_midline(around: Surroundings) -> np.ndarray:
     line = _resampled(around.line)
     for _ in range(MIDLINE_ROUNDS):
         along = _directions(_smoothed(line))
-        points = []
-        for point, tangent in zip(line, along, strict=True):
-            low, high = _across(point, tangent, outer, inner)
-            points.append(point + 0.5 * (low + high) * _inwards(tangent))
-        moved = np.array(points)
-        moved = moved[np.isfinite(moved).all(axis=1)]
+        low, high = _across(line, along, outer, inner)
+        is_met = np.isfinite(low) & np.isfinite(high)
+        moved = line[is_met] + 0.5 * (low[is_met] + high[is_met])[:, None] * _inwards(along[is_met])
         if around.incisors is not None:
             moved = _up_to(moved, *around.incisors)
         line = _resampled(_smoothed(moved))
@@ -193,7 +198,8 @@ def cut_sections(line: np.ndarray, around: Surroundings) -> list[CutSection]:
         area = open_area(plane, around)
         # The wall of the pharynx goes up, the palate forward.
         region: AirwayRegion = "pharynx" if abs(tangent[1]) > abs(tangent[0]) and x > around.line[:, 0].mean() else "mouth"
-        cuts.append(CutSection(plane, _across(np.array([x, z]), tangent, outer, inner), area, region))
+        low, high = _across(np.array([[x, z]]), tangent[None], outer, inner)
+        cuts.append(CutSection(plane, (float(low[0]), float(high[0])), area, region))
     return cuts
 
 
@@ -234,13 +240,25 @@ def _midsagittal(triangles: np.ndarray, plane: float) -> np.ndarray:
     return plane_segments(triangles, np.array([0.0, plane, 0.0]), np.array([0.0, 1.0, 0.0]))[:, :, [X, Z]]
 
 
-def _across(point: np.ndarray, tangent: np.ndarray, outer: np.ndarray, inner: np.ndarray) -> tuple[float, float]:
-    """How far across the midline, to the inner side, the outer and the inner lines (k, 2 ends, 2) are met, m; NaN where not."""
-    frame = np.stack([tangent, _inwards(tangent)], axis=1)
-    sides = [crossings((lines - point) @ frame, np.zeros(1))[0] for lines in (outer, inner)]
-    above = sides[0][(sides[0] >= -ACROSS_REACH_M) & (sides[0] <= OVERLAP_REACH_M)]
-    below = sides[1][(sides[1] >= -OVERLAP_REACH_M) & (sides[1] <= ACROSS_REACH_M)]
-    return float(above.max(initial=-np.inf)), float(below.min(initial=np.inf))
+def _across(points: np.ndarray, along: np.ndarray, outer: np.ndarray, inner: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """How far across the midline, to the inner side, the outer and the inner lines (k, 2 ends, 2) are met, (p,) m each.
+
+    ``points`` and ``along`` (p, 2) are of the midline. Not finite where nothing is met.
+    """
+    across = _inwards(along)
+    met = []
+    for lines in (outer, inner):
+        from_points = lines - points[:, None, None]
+        a, b = np.moveaxis(np.einsum("pkei,pi->pke", from_points, along), 2, 0)
+        low, high = np.moveaxis(np.einsum("pkei,pi->pke", from_points, across), 2, 0)
+        # Neighbouring lines end in the same point but for rounding: none passes between them.
+        passes = (np.minimum(a, b) <= SAME_POINT_M) & (np.maximum(a, b) >= -SAME_POINT_M)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            met.append(np.where(passes, low + np.clip(-a / (b - a), 0.0, 1.0) * (high - low), np.nan))
+    above, below = met
+    above = np.where((above >= -ACROSS_REACH_M) & (above <= OVERLAP_REACH_M), above, -np.inf)
+    below = np.where((below >= -OVERLAP_REACH_M) & (below <= ACROSS_REACH_M), below, np.inf)
+    return above.max(axis=1, initial=-np.inf), below.min(axis=1, initial=np.inf)
 
 
 def _gap(upper: np.ndarray, lower: np.ndarray, lines: np.ndarray) -> np.ndarray:
@@ -259,8 +277,8 @@ def _up_to(line: np.ndarray, upper: np.ndarray, lower: np.ndarray) -> np.ndarray
 
 
 def _inwards(tangent: np.ndarray) -> np.ndarray:
-    """The direction across the midline to the tongue."""
-    return np.array([-tangent[1], tangent[0]])
+    """The direction across the midline to the tongue, (..., 2)."""
+    return np.stack([-tangent[..., 1], tangent[..., 0]], axis=-1)
 
 
 def _length(line: np.ndarray) -> np.ndarray:

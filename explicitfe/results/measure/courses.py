@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -9,6 +10,7 @@ import numpy as np
 from explicitfe.platform.errors import InputError
 from explicitfe.results.files import Recorded
 from explicitfe.results.measure.airway import airway_table
+from explicitfe.results.measure.document import AirwaySection
 from explicitfe.results.measure.formants import FORMANT_COUNT, cut_pieces, formants_of, joined, lips_at
 from explicitfe.results.measure.measure import nearest_of
 from explicitfe.results.measure.steps import last_step
@@ -26,10 +28,14 @@ class ConstrictionCourse(NamedTuple):
 
 
 class FormantCourse(NamedTuple):
-    """F1, F2 and F3 over time: ``time`` (k,) s and ``frequency`` (k, 3) Hz, NaN where the airway is closed."""
+    """F1, F2 and F3 over time: ``time`` (k,) s and ``frequency`` (k, 3) Hz, NaN where the airway is closed.
+
+    ``sections`` (k) are those of the airway at each time, from the glottis to the lips.
+    """
 
     time: np.ndarray
     frequency: np.ndarray
+    sections: list[list[AirwaySection]]
 
 
 def constriction_course(result: Recorded, every: int = 1) -> ConstrictionCourse:
@@ -48,19 +54,30 @@ def constriction_course(result: Recorded, every: int = 1) -> ConstrictionCourse:
 
 
 def formant_course(result: Recorded, every: int = 1) -> FormantCourse:
-    """The formants at every ``every``-th sample and at the last one; about 0.4 s each.
+    """The formants at every ``every``-th sample and at the last one; about 0.1 s each.
 
     Raises
     ------
     InputError : as ``measure.formants.airway_of``.
     """
-    table, steps = airway_table(result), _steps(result, every)
+    return formants_at(result, _steps(result, every))
+
+
+def formants_at(result: Recorded, steps: Sequence[int]) -> FormantCourse:
+    """The formants at stored samples.
+
+    Raises
+    ------
+    InputError : as ``measure.formants.airway_of``.
+    """
+    table, of_all = airway_table(result), []
     frequency = np.full((len(steps), FORMANT_COUNT), np.nan)
     for number, step in enumerate(steps):
         sections = joined(cut_pieces(result, step, table), table.larynx, lips_at(result, float(result.times[step]), table))
         if min(section.area_mm2 for section in sections) > 0.0:
             frequency[number] = [formant.frequency_hz for formant in formants_of(sections)]
-    return FormantCourse(result.times[steps], frequency)
+        of_all.append(sections)
+    return FormantCourse(result.times[list(steps)], frequency, of_all)
 
 
 def _steps(result: Recorded, every: int) -> list[int]:

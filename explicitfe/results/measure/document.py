@@ -228,6 +228,48 @@ class Palatogram(MeasuredPart):
     course: ContactCourse
 
 
+class LeakCourse(MeasuredPart):
+    """The leak at every sample: its width and its area."""
+
+    time_ms: list[float]
+    width_mm: list[float]
+    area_mm2: list[float]
+
+
+class Closure(MeasuredPart):
+    """A time in which the leak is closed, linear between samples."""
+
+    from_ms: float
+    to_ms: float
+    duration_ms: float
+
+
+class LeakFigures(MeasuredPart):
+    """The widest way for air along the roof of the mouth, from behind the incisors to the pharynx, inside the dental arch.
+
+    Attributes
+    ----------
+    width_mm : largest gap between tongue and roof that a way keeps everywhere.
+    area_mm2 : of the smallest open cross-section; 0 if and only if it is closed.
+    closed : whether the width is at most 0.3 mm.
+    place_mm, side_mm : narrowest place of the widest way, along the midline from the edge of the incisors, and to the right of
+        the midsagittal plane; negative to the left.
+    over_plate_mm, beside_molars_mm : width of the widest way inside of the edge of the gum, and of the widest one that is outside
+        of it from the first row of electrodes on.
+    closures : times in which it is closed.
+    """
+
+    width_mm: float
+    area_mm2: float
+    closed: bool
+    place_mm: float
+    side_mm: float
+    over_plate_mm: float
+    beside_molars_mm: float
+    course: LeakCourse
+    closures: list[Closure]
+
+
 class AirwaySection(MeasuredPart):
     """A piece of the airway, approximated by a cylinder.
 
@@ -268,7 +310,8 @@ class Airway(MeasuredPart):
     sections : from the glottis to the lips, one after the other.
     length_mm : of all.
     smallest_area_mm2, smallest_area_place_mm : of the sections of source "geometry", and the middle of the narrowest.
-    closed : whether a section, or the opening of the lips, has no area: then there are no formants.
+    closed : whether the leak is closed, or a section outside of the mouth or the opening of the lips has no area: then there are
+        no formants.
     formants : F1, F2 and F3.
     shifts : what the assumed ends do to them; None where it is closed.
     """
@@ -293,6 +336,7 @@ class Measures(Document, MeasuredPart):
     constriction : None where no bone is called "palate".
     contact : bone -> contact, of those whose pressure the run stored.
     palatogram : None where no bone is called "palate", its pressure was not stored, or it has no room for the electrodes.
+    leak : None where no bone is called "palate", or it does not lie on both sides of the midsagittal plane.
     airway : None unless it was asked for.
     """
 
@@ -306,5 +350,6 @@ class Measures(Document, MeasuredPart):
     constriction: Constriction | None
     contact: dict[str, BoneContact]
     palatogram: Palatogram | None
+    leak: LeakFigures | None
     body: BodyMotion
     airway: Airway | None = None

@@ -128,13 +128,10 @@ def _row(line: MidlineCurve, palate: np.ndarray, plane: float, place: float) -> 
     half = ELECTRODE_COLUMNS // 2
     across = []
     for side in (-1.0, 1.0):
-        outwards, depth = _underside(lines * np.array([side, 1.0]))
+        outwards, depth = underside_to_side(lines, side)
         if len(depth) < 2:
             return None
-        crest = float(depth.max())
-        gum = len(depth)
-        if crest > CREST_TOLERANCE_M:  # else there is no arch, and the electrodes go on to the edge
-            gum = max(2, int(np.argmax(depth >= (1.0 - GUM_SHARE_OF_HEIGHT) * crest)) + 1)
+        gum, _ = arch_lines(depth)
         outwards, depth = outwards[:gum], depth[:gum]
         length = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(outwards), np.diff(depth)))])
         at = length[-1] * (np.arange(half) + 0.5) / (half - 0.5)
@@ -144,12 +141,27 @@ def _row(line: MidlineCurve, palate: np.ndarray, plane: float, place: float) -> 
     return np.concatenate([left[::-1], right])
 
 
-def _underside(lines: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def arch_lines(depth: np.ndarray) -> tuple[int, int]:
+    """Numbers of points of an underside (k,) m up to the edge of the gum, and up to the crest of the dental arch.
+
+    Both are all of them where there is no arch.
+    """
+    crest = float(depth.max())
+    if crest <= CREST_TOLERANCE_M:
+        return len(depth), len(depth)
+    levels = ((1.0 - GUM_SHARE_OF_HEIGHT) * crest, crest - CREST_TOLERANCE_M)
+    gum, edge = (max(2, int(np.argmax(depth >= level)) + 1) for level in levels)
+    return gum, edge
+
+
+def underside_to_side(lines: np.ndarray, side: float) -> tuple[np.ndarray, np.ndarray]:
     """The underside from the midline outwards: distances (k,) m from the midline, and how far it lies below the midline, (k,) m.
 
-    ``lines`` (s, 2 ends, 2) m are those of a section: across the midline, and down. What lies further than ``PALATE_REACH_M``
-    below belongs to another place along the midline. It ends with the section.
+    ``lines`` (s, 2 ends, 2) m are those of a section: across the midline, and down; ``side`` is -1.0 for the speaker's left, 1.0
+    for the right. What lies further than ``PALATE_REACH_M`` below belongs to another place along the midline. It ends with the
+    section.
     """
+    lines = lines * np.array([side, 1.0])
     reach = float(lines[:, :, 0].max(initial=0.0))
     outwards = np.linspace(0.0, reach, max(2, int(np.ceil(reach / COLUMN_WIDTH_M)) + 1))
     depth = crossings(lines, outwards)

@@ -23,6 +23,7 @@ from explicitfe.results.measure.airway import (
     surroundings,
 )
 from explicitfe.results.measure.document import Airway, AirwayRegion, AirwaySection, AreaSource, FormantFigures, FormantShifts
+from explicitfe.results.measure.leak import leak_history
 from explicitfe.results.measure.steps import step_at
 
 FORMANT_COUNT = 3
@@ -109,7 +110,25 @@ def cut_pieces(result: Recorded, step: int, table: AirwayTable) -> list[Piece]:
     pieces = pieces_between(surroundings(result, step, table))
     if not pieces:
         raise InputError(f"{result.path} has no airway: nothing of the tongue lies across it.")
-    return pieces
+    leak = leak_history(result, step)
+    return pieces if leak is None else limit_by_leak(pieces, 1e6 * leak.size(step)[1])
+
+
+def limit_by_leak(pieces: Sequence[Piece], leak_mm2: float) -> list[Piece]:
+    """The pieces, closed in the mouth if and only if the leak is.
+
+    A closure in the shape of a horseshoe closes no plane section: then the narrowest piece of the mouth has no area. And a plane
+    section that ends at the side of the tongue leaves out what passes beside the molars: if one is closed though the leak is not,
+    no piece of the mouth is narrower than the leak.
+    """
+    areas = [piece.area_mm2 for piece in pieces]
+    mouth = [number for number, piece in enumerate(pieces) if piece.region == "mouth"]
+    if leak_mm2 == 0.0 and mouth:
+        areas[min(mouth, key=areas.__getitem__)] = 0.0
+    elif any(areas[number] == 0.0 for number in mouth):
+        for number in mouth:
+            areas[number] = max(areas[number], leak_mm2)
+    return [piece._replace(area_mm2=area) for piece, area in zip(pieces, areas, strict=True)]
 
 
 def pieces_between(around: Surroundings) -> list[Piece]:

@@ -12,6 +12,7 @@ from explicitfe.results.measure.bodies import roof_of, tongue_of
 from explicitfe.results.measure.contact import contacts
 from explicitfe.results.measure.document import Constriction, Measures
 from explicitfe.results.measure.formants import airway_of
+from explicitfe.results.measure.leak import leak
 from explicitfe.results.measure.motion import body_motion, point_motions
 from explicitfe.results.measure.palatogram import palatogram
 from explicitfe.results.measure.sections import middle
@@ -64,6 +65,7 @@ def measures_of(result: Recorded, step: int, formants: bool = False) -> Measures
         constriction=constriction_of(result, step),
         contact=contacts(result, step),
         palatogram=palatogram(result, step),
+        leak=leak(result, step),
         body=body_motion(result, step),
         airway=airway_of(result, step) if formants else None,
     )

@@ -21,6 +21,7 @@ from explicitfe.results.documents.run_summary import IndentationSummary, Transie
 from explicitfe.results.files import FINISHED, Recorded, ResultInMemory
 from explicitfe.results.measure.contact import contacts
 from explicitfe.results.measure.formants import airway_of
+from explicitfe.results.measure.leak import leak
 from explicitfe.results.measure.measure import constriction_of
 from explicitfe.results.measure.motion import body_motion, point_motions
 from explicitfe.results.measure.numbers import flat, numbers_of_curve
@@ -54,6 +55,7 @@ PARTS: dict[str, Callable[[Recorded, int], object]] = {
     "contact": contacts,
     "body": body_motion,
     "palatogram": palatogram,
+    "leak": leak,
     "airway": airway_of,
     CONTOUR: lambda result, step: contour(result.mesh, result.displacement(step)),
 }

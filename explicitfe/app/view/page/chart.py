@@ -58,6 +58,16 @@ class Line:
 
 
 @dataclass(frozen=True)
+class Word:
+    """A word in a chart: its place as percentages from the left and from the bottom, and the number of its colour."""
+
+    left: str
+    bottom: str
+    text: str
+    colour: int
+
+
+@dataclass(frozen=True)
 class Tick:
     """A mark of an axis: its place as a percentage from the left or from the bottom, and its label."""
 
@@ -87,6 +97,8 @@ class Chart:
     x_ticks, y_ticks : marks; ``zero`` is where y = 0 lies, %; None where it is not within the chart.
     spans : shaded ranges, for example of muscle activity, % from the left.
     follows : quantity of x, "time" or "indentation", if the player of the page marks the current value; otherwise empty.
+    numerical : whether it is one of the checks of the numerical solution.
+    words : written into the chart.
     """
 
     title: str
@@ -101,6 +113,8 @@ class Chart:
     spans: list[tuple[str, str]] = field(default_factory=list)
     follows: str = ""
     logarithmic: bool = False
+    numerical: bool = False
+    words: list[Word] = field(default_factory=list)
 
 
 def chart(
@@ -115,6 +129,8 @@ def chart(
     spans: Sequence[tuple[float, float]] = (),
     follows: str = "",
     x_words: Sequence[str] = (),
+    reversed_axes: bool = False,
+    words: Sequence[tuple[float, float, str, int]] = (),
 ) -> Chart | None:
     """A chart of some series; None where no number is finite.
 
@@ -124,6 +140,8 @@ def chart(
     logarithmic : whether y is drawn by its logarithm; numbers that are not positive are left out.
     spans : parts of the x axis that are shaded, from and to.
     x_words : what stands at x = 0, 1, 2 and so on, in the place of numbers.
+    reversed_axes : whether both axes run to the left and down.
+    words : written into the chart: x, y, text, number of the colour.
     """
     if logarithmic:
         series = [replace(one, y=np.log10(np.where(one.y > 0.0, one.y, np.nan))) for one in series]
@@ -137,6 +155,10 @@ def chart(
     left, right = _span(across, DOT_MARGIN_SHARE if has_dots and not x_range else 0.0)
     with_zero = [reached(one) for one in kept]
     bottom, top = _span([*with_zero, np.array(y_range or [])], MARGIN_SHARE)
+    values, labels = _decades(bottom, top) if logarithmic else round_ticks(bottom, top)
+    marks, labels_across = round_ticks(left, right) if not x_words else ([float(k) for k in range(len(x_words))], list(x_words))
+    if reversed_axes:
+        left, right, bottom, top = right, left, top, bottom
     placed = [
         DrawnLine(
             one.name,
@@ -147,21 +169,20 @@ def chart(
         )
         for number, one in enumerate(kept)
     ]
-    values, labels = _decades(bottom, top) if logarithmic else round_ticks(bottom, top)
-    marks, words = round_ticks(left, right) if not x_words else ([float(k) for k in range(len(x_words))], list(x_words))
     return Chart(
         title,
         x_label,
         y_label,
         (left, right),
         (bottom, top),
-        _ticks(marks, words, left, right),
+        _ticks(marks, labels_across, left, right),
         _ticks(values, labels, bottom, top),
         placed,
         None if logarithmic or not bottom < 0.0 < top else _percent(0.0, bottom, top),
         [(_percent(max(a, left), left, right), _percent(min(b, right), left, right)) for a, b in spans if b > left and a < right],
         follows,
         logarithmic,
+        words=[Word(_percent(x, left, right), _percent(y, bottom, top), text, colour) for x, y, text, colour in words],
     )
 
 

@@ -10,7 +10,15 @@ from rich.table import Table
 
 from explicitfe.app.view.page.words import motion_at_end, number, speed
 from explicitfe.app.view.terminal.rows import forward_up, moved, pairs
-from explicitfe.results.measure.document import Airway, BoneContact, Constriction, Measures, PalatogramPattern, PointMotion
+from explicitfe.results.measure.document import (
+    Airway,
+    BoneContact,
+    Constriction,
+    LeakFigures,
+    Measures,
+    PalatogramPattern,
+    PointMotion,
+)
 
 # A point that has never moved farther is shown without its largest displacement.
 SMALLEST_SHOWN_MM = 0.005
@@ -67,6 +75,8 @@ def measure_rows(measures: Measures) -> Iterator[tuple[str, str]]:
         yield f"contact: {escape(name)}", _contact(contact)
     if measures.palatogram is not None:
         yield "palatogram", _pattern(measures.palatogram.now)
+    if measures.leak is not None:
+        yield "leak", _leak(measures.leak)
     yield (
         "whole body",
         f"largest displacement {body.largest_displacement_mm:.2f} mm (so far {body.largest_so_far_mm:.2f} mm)"
@@ -126,6 +136,18 @@ def _pattern(pattern: PalatogramPattern) -> str:
         closed = ", ".join(str(row) for row in pattern.closed_rows)
         line += f"; closed rows: {closed}" if closed else "; no closed row"
     return "\n".join([line, *rows])
+
+
+def _leak(leak: LeakFigures) -> str:
+    """Size and place of the leak, and the closures so far."""
+    side = "left" if leak.side_mm < 0.0 else "right"
+    lines = [
+        f"{'closed: ' if leak.closed else ''}{leak.width_mm:.1f} mm wide, {leak.area_mm2:.0f} mm²; narrowest "
+        f"{leak.place_mm:.0f} mm behind the incisors, {abs(leak.side_mm):.0f} mm to the {side}; "
+        f"over the plate {leak.over_plate_mm:.1f} mm, next to the molars {leak.beside_molars_mm:.1f} mm"
+    ]
+    closures = (f"{each.from_ms:.0f} to {each.to_ms:.0f} ms ({each.duration_ms:.0f} ms)" for each in leak.closures)
+    return "\n".join([*lines, *(f"closed from {each}" for each in closures)])
 
 
 def _airway_rows(airway: Airway) -> Iterator[tuple[str, str]]:

@@ -3,21 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import zip_longest
 
 import numpy as np
 
 from explicitfe.app.view.energy_balance import energy_balance
 from explicitfe.app.view.hourglass import hourglass_share
+from explicitfe.app.view.mouth import is_mouth
 from explicitfe.app.view.muscles import activation, muscle_name, muscles_of, on_times
 from explicitfe.app.view.over_time import ADVISED_HOURGLASS_SHARE, SIDEWAYS_SHARE
 from explicitfe.app.view.page.chart import COLOUR_COUNT, Chart, Line, chart, reached
 from explicitfe.results.documents.run_summary import kind_of
 from explicitfe.results.files import Result
+from explicitfe.results.measure.document import Measures
 from explicitfe.results.measure.sections import X, Y, Z
+from explicitfe.results.measure.tract import TOUCHING_GAP_M
 
 TIME_LABEL = "time (ms)"
-# Black is the last colour: the external work is drawn over the energies that add up to it.
+# Black is the last colour: the external work is drawn over the energies that add up to it, and a limit over what it limits.
 COLOUR_OF_WORK = COLOUR_COUNT - 1
 BALANCE_TITLE = "Energy balance: stored (dark) and dissipated (pale) energies add up to the external work (line)"
 
@@ -33,11 +37,15 @@ class PlannedChart:
     follows: str
     spans: list[tuple[float, float]]
     logarithmic: bool = False
+    numerical: bool = False
 
 
-def charts_of(results: Sequence[Result]) -> list[list[Chart]]:
-    """The charts of each result, without those for which it has no data; charts of the same title have the same axes."""
-    plans = [_plans(result) for result in results]
+def charts_of(results: Sequence[Result], measured: Sequence[Measures | None] = ()) -> list[list[Chart]]:
+    """The charts of each result, without those for which it has no data; charts of the same title have the same axes.
+
+    ``measured`` are measures of each at its last step, which have the leak over time.
+    """
+    plans = [_plans(result, measures) for result, measures in zip_longest(results, measured)]
     return [[drawn for plan in own if (drawn := _draw(plan, _alike(plan, plans))) is not None] for own in plans]
 
 
@@ -51,7 +59,7 @@ def _draw(plan: PlannedChart, alike: Sequence[Line]) -> Chart | None:
     kept = np.isfinite(y) & ((y > 0.0) | (not plan.logarithmic))
     if not kept.any():
         return None
-    return chart(
+    drawn = chart(
         plan.title,
         plan.series,
         x_label=plan.x_label,
@@ -62,37 +70,39 @@ def _draw(plan: PlannedChart, alike: Sequence[Line]) -> Chart | None:
         spans=plan.spans,
         follows=plan.follows,
     )
+    return None if drawn is None else replace(drawn, numerical=plan.numerical)
 
 
-def _plans(result: Result) -> list[PlannedChart]:
+def _plans(result: Result, measures: Measures | None) -> list[PlannedChart]:
     if len(result.history("time")) < 2:
         return []
-    return _tool_charts(result) if kind_of(result.model) == "relaxation" else _time_charts(result)
+    return _tool_charts(result) if kind_of(result.model) == "relaxation" else _time_charts(result, measures)
 
 
-def _time_charts(result: Result) -> list[PlannedChart]:
+def _time_charts(result: Result, measures: Measures | None) -> list[PlannedChart]:
     times = 1e3 * result.history("time")
     muscles = [muscle for muscle in muscles_of(result) if muscle["force_N"] > 0.0]
     spans = on_times(muscles, times[-1])
     plans = []
 
-    def add(title: str, y_label: str, series: list[Line], logarithmic: bool = False) -> None:
+    def add(title: str, y_label: str, series: list[Line], logarithmic: bool = False, numerical: bool = False) -> None:
         if series:
-            plans.append(PlannedChart(title, y_label, series, TIME_LABEL, "time", spans, logarithmic))
+            plans.append(PlannedChart(title, y_label, series, TIME_LABEL, "time", spans, logarithmic, numerical))
 
+    add(f"Leak: widest open way (dashed: closed below {1e3 * TOUCHING_GAP_M:g} mm)", "mm", _leak_lines(result, measures))
     courses = [(muscle, *activation(muscle, times[-1])) for muscle in muscles]
     add("Muscle forces", "N", [Line(muscle_name(one), at, one["force_N"] * share) for one, at, share in courses])
     for title, unit, lines in [*_point_lines(result), *_contact_lines(result)]:
         add(title, unit, _lines(times, lines))
     if stack := energy_lines(result):
-        add(BALANCE_TITLE, stack[1], stack[0])
+        add(BALANCE_TITLE, stack[1], stack[0], numerical=True)
         error = 100.0 * result.history("balance_error")
-        add("Largest error of the energy balance so far", "%", [Line("", times, error, colour=COLOUR_OF_WORK)], True)
+        add("Largest error of the energy balance so far", "%", [Line("", times, error, colour=COLOUR_OF_WORK)], True, True)
         if {"internal_energy", "hourglass_energy"} <= set(result.history_names):
             limit = np.full(len(times), 100.0 * ADVISED_HOURGLASS_SHARE)
             share = [Line("", times, 100.0 * hourglass_share(result), colour=1), Line("", times, limit, colour=6, dash=1)]
             title = f"Hourglass energy as a share of the elastic energy (dashed: recommended limit, {limit[0]:g} %)"
-            add(title, "%", share)
+            add(title, "%", share, numerical=True)
     return plans
 
 
@@ -148,6 +158,15 @@ def _contact_lines(result: Result) -> list[tuple[str, str, dict[str, np.ndarray]
         if any(np.any(line) for line in lines.values()):
             charts.append((title, unit, lines))
     return charts
+
+
+def _leak_lines(result: Result, measures: Measures | None) -> list[Line]:
+    """The width of the leak of a tongue in its mouth, and the width below which it counts as closed."""
+    if measures is None or measures.leak is None or not is_mouth(result):
+        return []
+    times, width = np.array(measures.leak.course.time_ms), np.array(measures.leak.course.width_mm)
+    limit = Line("", times, np.full(len(times), 1e3 * TOUCHING_GAP_M), colour=COLOUR_OF_WORK, dash=1)
+    return [Line("width", times, width), limit]
 
 
 def _tool_charts(result: Result) -> list[PlannedChart]:

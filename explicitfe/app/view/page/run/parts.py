@@ -18,6 +18,7 @@ from explicitfe.app.view.muscles import muscles_of, pull_in_words
 from explicitfe.app.view.page.chart import Chart
 from explicitfe.app.view.page.run.checks import Checks, checks_of
 from explicitfe.app.view.page.run.playback import frame_count, playback
+from explicitfe.app.view.page.run.speech import Speech, fibre_points, speech_of
 from explicitfe.app.view.page.tables import PageTable, table
 from explicitfe.app.view.page.words import DASH, bare, finite, motion_at_end, number, paragraphs, percent, speed
 from explicitfe.platform.errors import InputError
@@ -27,8 +28,10 @@ from explicitfe.results.documents.units_of_keys import terms_of, words_and_unit
 from explicitfe.results.files import FINISHED, Result
 from explicitfe.results.files.differing_keys import WORDS, differing_keys, table_in_words
 from explicitfe.results.measure.document import BoneContact, Measures
+from explicitfe.results.measure.formants import airway_of
 from explicitfe.results.measure.measure import measures_of
-from explicitfe.results.measure.numbers import numbers_at
+from explicitfe.results.measure.numbers import Number, flat, numbers_at
+from explicitfe.results.measure.steps import last_step, step_at
 
 # Longer values of a scenario are cut in the table of differences.
 LONGEST_VALUE_CHARACTERS = 80
@@ -49,10 +52,12 @@ class RunOnPage:
     question : paragraphs of the scenario; empty where it has none.
     expect, expected : paragraphs, and measures next to their expected values; empty and None if the run is another one than the
         scenario file states.
-    facts : name -> value, in words, of the table of the run and its results.
+    facts, numerical : name -> value, in words, of the table of the run and its results, and of its numerical solution.
     moved : displacement of each named point; None where there are none.
     charts : drawn from its history.
     playback : data of the animation, with ``frames`` of the ``stored`` samples.
+    speech : its acoustics; None for a run of another model than the tongue.
+    has_fibres : whether muscle fibres are part of the animation.
     scenario : text of the scenario file; ``commands`` repeat the run and show more of it.
     is_tongue : whether it is a run in time rather than an indentation.
     """
@@ -64,34 +69,45 @@ class RunOnPage:
     expect: list[str]
     expected: PageTable | None
     facts: dict[str, str]
+    numerical: dict[str, str]
     moved: PageTable | None
     charts: list[Chart]
     playback: str
     frames: int
     stored: int
+    speech: Speech | None
+    has_fibres: bool
     provenance: dict[str, str]
     scenario: str
     commands: list[str]
     is_tongue: bool
 
 
-def run_on_page(result: Result, last: int, label: str, charts: list[Chart], share: float) -> RunOnPage:
-    """One result as the page shows it, up to a step; ``share`` is its part of the size that a page may have."""
-    scenario = result.model.get("scenario", {})
-    measures = measures_of(result, last) if kind_of(result.model) == "transient" else None
+def run_on_page(result: Result, measures: Measures | None, label: str, charts: list[Chart], share: float) -> RunOnPage:
+    """One result as the page shows it.
+
+    Parameters
+    ----------
+    measures : at its last step; None for an indentation.
+    share : its part of the size that a page may have.
+    """
+    scenario, last = result.model.get("scenario", {}), last_step(result)
     return RunOnPage(
         label=label,
         title=title_of(result),
         checks=checks_of(result),
         question=paragraphs(str(scenario.get("question") or "")),
         expect=paragraphs(str(scenario.get("expect") or "")) if _is_as_expected(result) else [],
-        expected=_expectation_table(result, scenario.get("expected") or []) if _is_as_expected(result) else None,
+        expected=_expectation_table(result, measures, scenario.get("expected") or []) if _is_as_expected(result) else None,
         facts=dict(_facts(result, measures)),
+        numerical=dict(_numerical_facts(result)),
         moved=None if measures is None or not result.mesh.named_points else _moved(measures),
         charts=charts,
         playback=playback(result, last, share),
         frames=frame_count(result, last, share),
         stored=len(result.times),
+        speech=speech_of(result, last),
+        has_fibres=fibre_points(result) is not None,
         provenance={key.replace("_", " "): str(value) for key, value in result.provenance.items() if value is not None},
         scenario=result.scenario_text,
         commands=list(_commands(result)),
@@ -123,7 +139,7 @@ def table_of_runs(runs: Sequence[RunOnPage], values: Sequence[Mapping[str, str]]
 
 def _facts(result: Result, measures: Measures | None) -> Iterator[tuple[str, str]]:
     """Names and values of the run and its results, in words."""
-    model, summary, scenario = result.model, result.summary, result.model.get("scenario", {})
+    model, scenario = result.model, result.model.get("scenario", {})
     yield "status", result.status
     size = f"{result.mesh.element_count} elements, {result.mesh.node_count} nodes"
     yield "mesh", f"{model['name']}, {size}" if model.get("name") else size
@@ -139,12 +155,23 @@ def _facts(result: Result, measures: Measures | None) -> Iterator[tuple[str, str
         yield "tool", ", ".join(_constant(key, value) for key, value in tool.items() if value is not None)
     if len(result.times) and kind_of(model) == "transient":
         yield "simulated", f"{1e3 * result.times[-1]:.4g} ms, {len(result.times)} samples stored"
-    if finite(summary.get("steps")) and finite(summary.get("dt_s")):
-        yield "time steps", f"{summary['steps']} of at least {1e6 * summary['dt_s']:.3g} µs"
     if kind_of(model) == "relaxation" and len(result.history("force")):
         most = int(np.argmax(result.history("force")))
         depth_mm = 1e3 * result.history("indentation")[most]
         yield "maximum force", f"{number(result.history('force')[most])} N at {number(depth_mm)} mm"
+    if measures is not None:
+        yield "at the end", motion_at_end(measures.body.settled, measures.body.fastest_mm_s)
+        for name, contact in measures.contact.items():
+            yield f"contact with the {name} at the end", _contact(contact)
+    if scenario.get("effects"):
+        yield "effects", ", ".join(sorted(key.replace("_", "-") for key in scenario["effects"]))
+
+
+def _numerical_facts(result: Result) -> Iterator[tuple[str, str]]:
+    """Names and values of the numerical solution, in words."""
+    summary = result.summary
+    if finite(summary.get("steps")) and finite(summary.get("dt_s")):
+        yield "time steps", f"{summary['steps']} of at least {1e6 * summary['dt_s']:.3g} µs"
     if finite(summary.get("energy_balance_error")):
         yield "energy balance error", f"at most {percent(summary['energy_balance_error'])}".replace("at most <", "less than")
     if finite(summary.get("hourglass_share")):
@@ -154,14 +181,8 @@ def _facts(result: Result, measures: Measures | None) -> Iterator[tuple[str, str
     if folded := summary.get("folded"):
         undecided = f", {folded['undecided']} undecided" if folded.get("undecided") else " (certified)"
         yield "inverted elements", f"{folded['elements']} of {result.mesh.element_count}{undecided}"
-    if measures is not None:
-        yield "at the end", motion_at_end(measures.body.settled, measures.body.fastest_mm_s)
-        for name, contact in measures.contact.items():
-            yield f"contact with the {name} at the end", _contact(contact)
     if finite(summary.get("wall_s")):
         yield "wall time", f"{number(summary['wall_s'], 2)} s"
-    if scenario.get("effects"):
-        yield "effects", ", ".join(sorted(key.replace("_", "-") for key in scenario["effects"]))
 
 
 def _constant(key: str, value: object) -> str:
@@ -205,8 +226,8 @@ def _is_as_expected(result: Result) -> bool:
     return result.status == FINISHED and all(key in (*WORDS, "analysis.threads") or key.startswith("record.") for key in keys)
 
 
-def _expectation_table(result: Result, expected: Sequence[Mapping[str, float]]) -> PageTable | None:
-    """Compare the expected measures of the scenario with those of this run."""
+def _expectation_table(result: Result, measures: Measures | None, expected: Sequence[Mapping[str, float]]) -> PageTable | None:
+    """Compare the expected measures of the scenario with those of this run; ``measures`` are those at its last step."""
     digits: dict[str, int] = {}  # of numbers with the same unit: the most that the scenario states
     for name, value in (pair for numbers in expected for pair in numbers.items()):
         unit = words_and_unit(name)[1]
@@ -216,7 +237,7 @@ def _expectation_table(result: Result, expected: Sequence[Mapping[str, float]]) 
         time_ms = numbers.get(TIME)
         time_s = None if time_ms is None else 1e-3 * time_ms
         try:
-            seen = numbers_at(result, time_s, formants=any(name.startswith("airway.") for name in numbers))
+            seen = _numbers(result, measures, time_s, any(name.startswith("airway.") for name in numbers))
         except InputError:  # no airway, or no such time
             seen = {}
         for name, value in numbers.items():
@@ -228,6 +249,15 @@ def _expectation_table(result: Result, expected: Sequence[Mapping[str, float]]) 
             if name != TIME:
                 rows.append((label, "" if time_ms is None else f"{time_ms:g}", f"{value:{form}}", *compared))
     return table(("measure", "at (ms)", "expected", "this run", "difference"), rows, "tnnnn")
+
+
+def _numbers(result: Result, last: Measures | None, time_s: float | None, with_airway: bool) -> dict[str, Number]:
+    """As :func:`numbers_at`, from the measures at the last step where that is the step."""
+    if last is None:
+        return numbers_at(result, time_s)
+    step = step_at(result, time_s)
+    measures = last if step == last_step(result) else measures_of(result, step)
+    return flat(measures.model_copy(update={"airway": airway_of(result, step)}) if with_airway else measures)
 
 
 def _commands(result: Result) -> Iterator[str]:

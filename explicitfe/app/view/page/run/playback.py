@@ -6,12 +6,14 @@ before, and the whole is deflated: a second of a tongue is some hundred kilobyte
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
+from typing_extensions import TypedDict
 
 from explicitfe.app.view.mouth import Teeth, drawn_bones, is_mouth, teeth_of
 from explicitfe.app.view.page.run.packed import Packed
+from explicitfe.app.view.page.run.speech import fibre_points, pack_contact, pack_muscles
 from explicitfe.app.view.page.run.tool import tool_of
 from explicitfe.app.view.smooth import SmoothSurface
 from explicitfe.fem.mesh.hexmesh import FACES, HexMesh, free_faces
@@ -31,6 +33,16 @@ FIELD_STEPS = 255
 BYTES_OF_A_NODE = 6
 # So much is shown around the outline: bones go on beyond the picture.
 AROUND_OUTLINE_SHARE = 0.12
+# Around a tongue bones are shown up to this distance, so that the air from the larynx to the lips is seen.
+BONES_AROUND_OUTLINE_MM = 18.0
+
+
+class PackedBone(TypedDict):
+    """A bone in the header of the data: whether it moves, and the loops of its midsagittal section at rest, x and z in mm."""
+
+    name: str
+    moves: bool
+    outlines: list[list[list[float]]]
 
 
 def playback(result: Result, last: int, share: float = 1.0) -> str:
@@ -45,7 +57,7 @@ def playback(result: Result, last: int, share: float = 1.0) -> str:
     plane_m = _plane(result)
     nodes, faces = _surface(mesh, plane_m)
     fields = _scalar_fields(result)
-    steps = _steps(last, len(nodes) * (BYTES_OF_A_NODE + len(fields)), share)
+    steps = _steps(last, _bytes_per_frame(result, len(nodes)), share)
     moved = 1e3 * np.stack([result.displacement(step)[nodes] for step in steps])
     rounding_mm = max(ROUNDING_MM, float(np.abs(moved).max(initial=0.0)) / LARGEST_STORED_NUMBER)
     whole = np.round(moved / rounding_mm).astype(np.int32)
@@ -75,16 +87,19 @@ def playback(result: Result, last: int, share: float = 1.0) -> str:
     if len(cut.ends):
         packed.add("cut_ends", np.searchsorted(nodes, cut.ends), "<u4")
         packed.add("cut_share", cut.share, "<f4")
+    bones = [_pack_bone(packed, result, name, bone, steps, plane_m) for name, bone in drawn_bones(result).items()]
     header: dict[str, object] = {
         "moments": _loads(result, steps) if is_loaded else None,
         "indentation": (1e3 * result.history("indentation")[steps]).tolist() if is_loaded else None,
-        "outline_box": _outline_box(cut, mesh, moved, nodes),
+        "outline_box": _outline_box(cut, mesh, moved, nodes, bones if is_mouth(result) else []),
+        "electrodes": pack_contact(packed, result, steps) if is_mouth(result) else None,
+        "muscles": pack_muscles(packed, result, steps, rounding_mm),
         "rounding_mm": rounding_mm,
         # A tissue surface is smooth; a specimen has edges, which are seen only where faces stay flat.
         "smooth": not is_loaded,
         "loops": [loop.tolist() for loop in cut.loops],
         "fields": [entry for entry in named if entry is not None],
-        "bones": [_pack_bone(packed, result, name, bone, steps, plane_m) for name, bone in drawn_bones(result).items()],
+        "bones": bones,
         "teeth": [_pack_teeth(packed, name, teeth) for name, teeth in teeth_of(result).items()],
         "smooth_steps": len(smooth.steps),
         "round": is_mouth(result),
@@ -96,9 +111,14 @@ def playback(result: Result, last: int, share: float = 1.0) -> str:
 
 def frame_count(result: Result, last: int, share: float = 1.0) -> int:
     """Number of frames of a result in :func:`playback`."""
-    return len(
-        _steps(last, len(_surface(result.mesh, _plane(result))[0]) * (BYTES_OF_A_NODE + len(_scalar_fields(result))), share)
-    )
+    return len(_steps(last, _bytes_per_frame(result, len(_surface(result.mesh, _plane(result))[0])), share))
+
+
+def _bytes_per_frame(result: Result, node_count: int) -> int:
+    """Size of a frame with so many nodes of the surface, unpacked."""
+    fibres = fibre_points(result)
+    carried = 0 if fibres is None else len(fibres[1].reference)
+    return node_count * (BYTES_OF_A_NODE + len(_scalar_fields(result))) + carried * BYTES_OF_A_NODE
 
 
 def _steps(last: int, bytes_per_frame: int, share: float) -> np.ndarray:
@@ -180,24 +200,29 @@ def _loads(result: Result, steps: np.ndarray) -> list[str]:
     return [f"{f:.3g} N at {u:.3g} mm" for f, u in zip(force, depth, strict=True)]
 
 
-def _outline_box(cut: PlaneCut, mesh: HexMesh, moved_mm: np.ndarray, nodes: np.ndarray) -> list[float] | None:
-    """Where the outline is in all frames, with room around it: lowest and highest x, and lowest and highest z, mm."""
+def _outline_box(
+    cut: PlaneCut, mesh: HexMesh, moved_mm: np.ndarray, nodes: np.ndarray, bones: Sequence[PackedBone]
+) -> list[float] | None:
+    """Where the outline is in all frames, with ``bones`` around it: lowest and highest x, and lowest and highest z, mm."""
     if not len(cut.ends):
         return None
     at_rest, on_surface = 1e3 * cut.at(mesh.points), np.searchsorted(nodes, np.unique(cut.ends))
     swept = moved_mm[:, on_surface]
+    around = np.array([point for bone in bones for loop in bone["outlines"] for point in loop]).reshape(-1, 2)
     box = []
-    for axis in (0, 2):
+    for number, axis in enumerate((0, 2)):
         low = at_rest[:, axis].min() + min(0.0, swept[..., axis].min())
         high = at_rest[:, axis].max() + max(0.0, swept[..., axis].max())
         room = AROUND_OUTLINE_SHARE * (high - low)
+        if len(around):
+            low = min(low, max(around[:, number].min(), low - BONES_AROUND_OUTLINE_MM))
+            high = max(high, min(around[:, number].max(), high + BONES_AROUND_OUTLINE_MM))
+            room = 0.0
         box += [round(float(low - room), 2), round(float(high + room), 2)]
     return box
 
 
-def _pack_bone(
-    packed: Packed, result: Result, name: str, bone: StoredBone, steps: np.ndarray, plane_m: float
-) -> dict[str, object]:
+def _pack_bone(packed: Packed, result: Result, name: str, bone: StoredBone, steps: np.ndarray, plane_m: float) -> PackedBone:
     """Add a bone: its surface at rest, where it is in each frame if it moves, and its midsagittal section at rest."""
     packed.add(f"bone_{name}_points", 1e3 * bone.points, "<f4")
     packed.add(f"bone_{name}_triangles", bone.triangles, "<u4")

@@ -30,6 +30,7 @@
     section.querySelector(".no-3d").hidden = hasWebGL;
     if (hasWebGL) run.scene = new Playback.Scene(canvas, body);
     drawContour(run);
+    run.moment = prepareMoment(run);
     return run;
   }
 
@@ -84,6 +85,48 @@
       text.setAttribute("y", -z - 5 * mmPerPixel);
       text.setAttribute("font-size", 12 * mmPerPixel);
     }
+  }
+
+  // ---- contact with the palate, areas of the airway and formants ----
+
+  function prepareMoment({ section, body }) {
+    const figure = section.querySelector(".moment");
+    if (!figure) return;
+    const svg = figure.querySelector("svg"), { electrodes } = body.data, dot = document.createElement("b");
+    dot.className = "dot";
+    section.querySelector(".vowels .field").append(dot);
+    figure.querySelector(".palatogram").hidden = !electrodes;
+    const squares = (electrodes ?? []).map((number) => {
+      const square = document.createElementNS("http://www.w3.org/2000/svg", "rect");
+      for (const [key, value] of Object.entries({ x: (number % 8) + 0.06, y: Math.floor(number / 8) + 0.06, width: 0.88, height: 0.88 })) square.setAttribute(key, value);
+      svg.append(square);
+      return square;
+    });
+    return { figure, dot, squares, ...JSON.parse(figure.dataset.moments), shown: -1, areas: [...section.querySelectorAll(".areas svg > g:not(.grid)")] };
+  }
+
+  function moveMoment({ section, body, moment }) {
+    if (!moment) return;
+    const { squares, times, formants, dot, figure, areas } = moment, { arrays, frames } = body.data;
+    const say = (name, text) => section.querySelectorAll(`output[data-of="${name}"]`).forEach((output) => (output.textContent = text));
+    const frame = Math.min(Math.round(body.frame), frames - 1), at = arrays.times[frame];
+    if (frame === moment.frame) return;
+    moment.frame = frame;
+    squares.forEach((square, k) => square.classList.toggle("on", arrays.contacts[frame * squares.length + k] > 0));
+    say("contacts", figure.querySelectorAll(".on").length);
+    const nearest = times.reduce((best, time, k) => (Math.abs(time - at) < Math.abs(times[best] - at) ? k : best), 0);
+    if (nearest === moment.shown) return;
+    moment.shown = nearest;
+    areas.forEach((group, k) => group.classList.toggle("shown", k >> 1 === nearest));
+    const heard = formants[nearest], range = (name) => dot.closest(".chart").dataset[name].split(" ").map(Number);
+    ["F1", "F2", "F3"].forEach((name, k) => say(name, heard ? heard[k].toFixed(0) : ""));
+    say("time", `${times[nearest].toFixed(0)} ms`);
+    figure.querySelector("dl").hidden = dot.hidden = !heard;
+    figure.querySelector(".closed").hidden = Boolean(heard);
+    if (!heard) return;
+    const [[left, right], [bottom, top]] = [range("x"), range("y")];
+    dot.style.left = `${(100 * (heard[1] - left)) / (right - left)}%`;
+    dot.style.bottom = `${(100 * (heard[0] - bottom)) / (top - bottom)}%`;
   }
 
   // ---- the marks in charts ----
@@ -185,6 +228,7 @@
       if (seen.has(run.section.querySelector("canvas"))) run.scene?.draw();
       if (seen.has(run.outline?.ownerSVGElement)) moveContour(run);
     }
+    runs.forEach(moveMoment);
     moveMarks(withNumbers);
     if (withNumbers) state.numbersAt = performance.now();
     clearTimeout(state.numbersLater);

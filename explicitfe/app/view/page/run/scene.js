@@ -20,7 +20,7 @@ const Playback = (() => {
       arrays[name] = new KINDS[kind](block, 4 + size + place, count);
     }
     const frames = arrays.times.length;
-    sumOverFrames(arrays.moved, frames);
+    for (const name of ["moved", "fibres_moved"]) if (arrays[name]) sumOverFrames(arrays[name], frames);
     for (const field of header.fields) sumOverFrames(arrays[`field_${field.name}`], frames);
     return { ...header, arrays, frames };
   }
@@ -60,19 +60,32 @@ const Playback = (() => {
 
     // Places the nodes at a frame, which need not be whole.
     at(frame) {
-      const { arrays, rounding_mm, frames } = this.data;
-      const before = Math.min(Math.floor(frame), frames - 1), after = Math.min(before + 1, frames - 1);
-      const share = frame - before, n = this.nodes;
+      const { arrays } = this.data;
+      this.frame = frame;
+      this.place(arrays.moved, arrays.points, this.position, this.moved);
+      this.drawn.set(this.spread(this.position, 3));
+    }
+
+    // Places points at the present frame by their displacements in all frames.
+    place(moves, points, position, moved = null) {
+      const { rounding_mm, frames } = this.data, n = points.length / 3;
+      const before = Math.min(Math.floor(this.frame), frames - 1), after = Math.min(before + 1, frames - 1), share = this.frame - before;
       for (let axis = 0; axis < 3; axis++) {
         const a = (3 * before + axis) * n, b = (3 * after + axis) * n;
         for (let k = 0; k < n; k++) {
-          const u = rounding_mm * ((1 - share) * arrays.moved[a + k] + share * arrays.moved[b + k]);
-          this.moved[3 * k + axis] = u;
-          this.position[3 * k + axis] = arrays.points[3 * k + axis] + u;
+          const u = rounding_mm * ((1 - share) * moves[a + k] + share * moves[b + k]);
+          if (moved) moved[3 * k + axis] = u;
+          position[3 * k + axis] = points[3 * k + axis] + u;
         }
       }
-      this.frame = frame;
-      this.drawn.set(this.spread(this.position, 3));
+    }
+
+    // The force of a muscle at the present frame as a share of its full force.
+    pull({ times, shares }) {
+      const { arrays, frames } = this.data, before = Math.min(Math.floor(this.frame), frames - 1), after = Math.min(before + 1, frames - 1);
+      const now = arrays.times[before] + (this.frame - before) * (arrays.times[after] - arrays.times[before]);
+      const next = times.findIndex((time) => time >= now), k = next < 0 ? times.length - 1 : Math.max(1, next), long = times[k] - times[k - 1];
+      return shares[k - 1] + (long > 0 ? (shares[k] - shares[k - 1]) * Math.min(1, Math.max(0, (now - times[k - 1]) / long)) : 0);
     }
 
     // From values of the nodes, so many each, to those of the drawn points.
@@ -201,6 +214,7 @@ const Playback = (() => {
       this.addBody();
       this.addBones();
       this.addPoints();
+      this.addFibres();
       this.frameAll();
     }
 
@@ -308,6 +322,45 @@ const Playback = (() => {
       return bounds;
     }
 
+    // The fibres of the muscles that pull, seen through the body; those of the right half are drawn apart.
+    addFibres() {
+      const { arrays, muscles } = this.body.data;
+      this.fibres = [];
+      if (!muscles.length) return;
+      this.fibrePlaces = new THREE.BufferAttribute(new Float32Array(arrays.fibres), 3);
+      let first = 0;
+      for (const muscle of muscles) {
+        const halves = { left: [], right: [] };
+        for (const count of muscle.lines) {
+          const half = halves[arrays.fibres[3 * first + 1] < -1e-3 ? "left" : "right"];
+          for (let k = first + 1; k < first + count; k++) half.push(k - 1, k);
+          first += count;
+        }
+        for (const [side, ends] of Object.entries(halves)) {
+          const geometry = new THREE.BufferGeometry();
+          geometry.setIndex(ends);
+          geometry.setAttribute("position", this.fibrePlaces);
+          const lines = new THREE.LineSegments(geometry, new THREE.LineBasicMaterial({ transparent: true, depthTest: false }));
+          lines.renderOrder = 2;
+          lines.frustumCulled = false;
+          this.fibres.push([muscle, side, lines]);
+          this.scene.add(lines);
+        }
+      }
+    }
+
+    moveFibres() {
+      if (!this.fibres.length) return;
+      const { arrays } = this.body.data;
+      this.body.place(arrays.fibres_moved, arrays.fibres, this.fibrePlaces.array);
+      this.fibrePlaces.needsUpdate = true;
+      for (const [muscle, , lines] of this.fibres) {
+        const share = this.body.pull(muscle);
+        lines.material.color.set("#c9c9c9").lerp(new THREE.Color("#d1003f"), share);
+        lines.material.opacity = 0.3 + 0.7 * share;
+      }
+    }
+
     // The middle is that of body and bones; the size is that of the body, as bones go on beyond what is of interest.
     frameAll() {
       const box = new THREE.Box3(), b = this.box();
@@ -331,7 +384,7 @@ const Playback = (() => {
       this.camera.updateProjectionMatrix();
     }
 
-    show({ cut, bones, rest, lines, points }) {
+    show({ cut, bones, rest, lines, points, muscles }) {
       const half = cut && this.hasSection;
       this.parts.whole.visible = !half;
       this.parts.half.visible = this.parts.section.visible = half;
@@ -339,6 +392,7 @@ const Playback = (() => {
       this.rest.visible = rest;
       for (const [, mesh] of this.bones) mesh.visible = bones;
       for (const [, mesh] of this.points) mesh.visible = points;
+      for (const [, side, mesh] of this.fibres) mesh.visible = muscles && !(half && side === "left");
     }
 
     colourBy(name) {
@@ -382,6 +436,7 @@ const Playback = (() => {
         this.tool.matrix.makeTranslation(0, 0, this.body.toolHeight());
         this.tool.matrixWorldNeedsUpdate = true;
       }
+      this.moveFibres();
       this.lamp.position.copy(this.camera.position);
       this.lamp.target.position.copy(this.controls.target);
       this.renderer.render(this.scene, this.camera);

@@ -14,9 +14,11 @@ from explicitfe.app.view.page.frame import page_text
 from explicitfe.app.view.page.page_file import page_file, write_page
 from explicitfe.app.view.page.run.charts import charts_of
 from explicitfe.app.view.page.run.parts import RunOnPage, differences, run_on_page, table_of_runs
-from explicitfe.app.view.page.tables import PageTable
+from explicitfe.app.view.page.tables import PageTable, table
 from explicitfe.platform.errors import InputError, Progress, silent
+from explicitfe.results.documents.run_summary import kind_of
 from explicitfe.results.files import Result, open_result
+from explicitfe.results.measure.measure import measures_of
 from explicitfe.results.measure.steps import last_step
 
 # More results would be too narrow to be seen, and more animations than a browser draws.
@@ -108,9 +110,11 @@ class _Page(NamedTuple):
 
 def _page(results: Sequence[Result], progress: Progress) -> _Page:
     runs: list[RunOnPage] = []
-    for result, label, charts in zip(results, labels_of([result.path for result in results]), charts_of(results), strict=True):
+    measured = [measures_of(one, last_step(one)) if kind_of(one.model) == "transient" else None for one in results]
+    labels, charts = labels_of([result.path for result in results]), charts_of(results, measured)
+    for result, measures, label, own in zip(results, measured, labels, charts, strict=True):
         progress("draw", len(runs) / len(results))
-        runs.append(run_on_page(result, last_step(result), label, charts, 1.0 / len(results)))
+        runs.append(run_on_page(result, measures, label, own, 1.0 / len(results)))
     differing = differences([result.model.get("scenario", {}) for result in results], [run.label for run in runs])
     text = page_text(
         "page/run/page.html.j2",
@@ -119,7 +123,8 @@ def _page(results: Sequence[Result], progress: Progress) -> _Page:
         title=runs[0].title if len(runs) == 1 else f"{len(runs)} runs side by side: {', '.join(run.label for run in runs)}",
         runs=runs,
         differing=differing,
-        facts=table_of_runs(runs, [run.facts for run in runs]),
+        facts=table_of_runs(runs, [run.facts if run.speech else {**run.facts, **run.numerical} for run in runs]),
+        numerical=[table(("", ""), list(run.numerical.items()), "tt") for run in runs],
         provenance=table_of_runs(runs, [run.provenance for run in runs]),
     )
     return _Page(text, runs, differing)

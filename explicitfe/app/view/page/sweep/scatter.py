@@ -30,6 +30,7 @@ GROUP_WORDS = {
     "body": "whole body",
     "load": "loads",
     "palatogram": "palatogram",
+    "leak": "leak",
     "airway": "airway",
 }
 

@@ -1,8 +1,9 @@
 """The leak: the widest way for air between tongue and roof of the mouth, from behind the incisors to the pharynx.
 
 The roof is the underside of the bone "palate", and of a deformable velum. A grid on it reaches on both sides to the crest of the
-dental arch, or to the edge of the roof where there is no arch. What lies outside of that border or below it counts as closed:
-lips, cheeks and the pillars of the fauces are soft tissue that the model lacks. The gap at a point of the grid is therefore the
+dental arch, or to the edge of the roof where there is no arch, and behind the hard palate to the height of the gum. What lies
+outside of that border or below it counts as closed: lips, cheeks and the pillars of the fauces are soft tissue that the model
+lacks. The gap at a point of the grid is therefore the
 distance to the nearest point of the tongue's surface, 0 inside the tongue, and at most the distance to the border.
 
 The width of the leak is the largest gap that a way from the first row of the grid to the last one keeps everywhere. Its area is
@@ -27,6 +28,8 @@ from explicitfe.platform.host.kept import kept
 from explicitfe.results.files import Recorded
 from explicitfe.results.measure.bodies import roof_of, tongue_of
 from explicitfe.results.measure.document import Closure, LeakCourse, LeakFigures
+from explicitfe.results.measure.electrodes import HARD_PALATE_M
+from explicitfe.results.measure.palatogram import hard_palate
 from explicitfe.results.measure.roof_grid import OnTriangles, RoofGrid, clearance, roof_grid, surface_samples
 from explicitfe.results.measure.sections import middle
 from explicitfe.results.measure.tract import PALATE, TOUCHING_GAP_M
@@ -114,7 +117,8 @@ def leak_history(result: Recorded, step: int) -> LeakHistory | None:
     """The leak up to a step; None without a bone called "palate", or where that has no underside on both sides of the midline."""
     if PALATE not in result.bones:
         return None
-    grid = roof_grid(roof_of(result, 0, result.bones[PALATE]), middle(tongue_of(result, 0)[0]))
+    length_m = hard_palate(result) or HARD_PALATE_M
+    grid = roof_grid(roof_of(result, 0, result.bones[PALATE]), middle(tongue_of(result, 0)[0]), length_m)
     return None if grid is None else LeakHistory(result, step, grid)
 
 

@@ -104,7 +104,7 @@ def electrodes_of(result: Recorded) -> Electrodes | None:
     bone, plane = result.bones[PALATE], middle(result.mesh)
     corners = corners_of(*bone)
     line = palate_midline(corners, plane)
-    return None if line is None else electrodes(line, corners, plane, _hard_palate(result))
+    return None if line is None else electrodes(line, corners, plane, hard_palate(result))
 
 
 class ContactHistory:
@@ -213,7 +213,7 @@ def centre_of_gravity(touched: np.ndarray) -> float | None:
     return float(GRAVITY_WEIGHTS @ rows / rows.sum()) if rows.any() else None
 
 
-def _hard_palate(result: Recorded) -> float | None:
+def hard_palate(result: Recorded) -> float | None:
     """The length of the hard palate that the scenario gives, m."""
     length_mm = _palate_table(result).get("hard_palate_mm")
     return None if length_mm is None else 1e-3 * float(length_mm)

@@ -9,7 +9,7 @@ import scipy
 
 from explicitfe.fem.mesh.triangles import plane_segments, triangle_distance, triangle_samples
 from explicitfe.platform.host.kept import kept
-from explicitfe.results.measure.electrodes import FIRST_ROW_M, arch_lines, underside_to_side
+from explicitfe.results.measure.electrodes import FIRST_ROW_M, HARD_PALATE_M, arch_lines, underside_to_side
 from explicitfe.results.measure.sections import Y, Z
 from explicitfe.results.measure.tract import palate_midline
 
@@ -67,13 +67,14 @@ class RoofGrid(NamedTuple):
 
 
 @kept(4)
-def roof_grid(roof: np.ndarray, plane: float) -> RoofGrid | None:
+def roof_grid(roof: np.ndarray, plane: float, hard_palate_m: float = HARD_PALATE_M) -> RoofGrid | None:
     """The grid on a roof (m, 3 corners, 3) m at rest, on both sides of the plane y = ``plane``.
 
     Rows lie where x is that of points of the midline in equal distances. In each row both sides have the same number of points,
     equally far apart along the underside, from the midline to the crest of the dental arch, or to the edge where there is no
-    arch. The uvula, around which air passes, has no rows. None where a row has no underside on one side, and for a roof that is
-    too short.
+    arch. Behind the hard palate, of which ``hard_palate_m`` is the length along the midline, they end at the height of the gum:
+    there the pillars of the fauces join the velum to the sides of the tongue. The uvula, around which air passes, has no rows.
+    None where a row has no underside on one side, and for a roof that is too short.
     """
     line = palate_midline(roof, plane)
     if line is None or line.length[-1] < 2.0 * GRID_SPACING_M:
@@ -87,7 +88,8 @@ def roof_grid(roof: np.ndarray, plane: float) -> RoofGrid | None:
         halves += [(x, z, side, *underside_to_side(lines, side)) for side in (-1.0, 1.0)]
     if any(len(depth) < 2 for *_, depth in halves):
         return None
-    curves = [_Curve.of(outwards, depth) for *_, outwards, depth in halves]
+    soft = np.repeat(places > hard_palate_m, 2)
+    curves = [_Curve.of(outwards, depth, end) for (*_, outwards, depth), end in zip(halves, soft, strict=True)]
     half_width = np.array([curve.length[-1] for curve in curves]).reshape(rows, 2)
     rows = _rows_before_uvula(half_width.min(axis=1))
     places, halves, curves, half_width = places[:rows], halves[: 2 * rows], curves[: 2 * rows], half_width[:rows]
@@ -117,7 +119,7 @@ def _rows_before_uvula(half_width: np.ndarray) -> int:
 
 class _Curve(NamedTuple):
     """Half of a row: distances ``outwards`` from the midline and ``depth`` below it at a ``length`` along it, (k,) m each; the
-    edge of the gum is at the length ``gum``, and the crest of the arch at the end.
+    edge of the gum is at the length ``gum``; the end is that, or the crest of the arch.
     """
 
     outwards: np.ndarray
@@ -126,8 +128,9 @@ class _Curve(NamedTuple):
     gum: float
 
     @classmethod
-    def of(cls, outwards: np.ndarray, depth: np.ndarray) -> Self:
+    def of(cls, outwards: np.ndarray, depth: np.ndarray, to_gum: bool) -> Self:
         gum, crest = arch_lines(depth)
+        crest = gum if to_gum else crest
         length = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(outwards), np.diff(depth)))])
         return cls(outwards[:crest], depth[:crest], length[:crest], float(length[gum - 1]))
 

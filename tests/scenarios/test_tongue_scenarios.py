@@ -299,6 +299,7 @@ def test_a_sealed_t_touches_as_palatograms_show(ran):
     for row in rows[1:6]:
         assert any(row[:4]) and any(row[4:])
     assert not any(rows[6] + rows[7])
+    assert closed.leak.over_plate_mm < 0.3
     assert 0.2 < closed.contact["palate"].peak_kPa < 3.0
     assert ran("alveolar-t-sealed").measures.contact["palate"].area_mm2 == 0.0
 

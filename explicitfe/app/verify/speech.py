@@ -89,13 +89,13 @@ def vowel_formants(work: Workshop) -> ClaimFigure:
 def closure(work: Workshop) -> ClaimFigure:
     """Area [mm2] that remains open between tongue and deformable velum in [k]."""
     result = Path(work.run(CLOSURE)["result"])
-    closed = measure(result, time_s=CLOSED_S).constriction
-    if closed is None:
-        raise RunError(f"{CLOSURE}: no constriction could be measured.")
+    leak = measure(result, time_s=CLOSED_S).leak
+    if leak is None:
+        raise RunError(f"{CLOSURE}: no leak could be measured.")
     with open_result(result) as opened:
         pressure_kPa = max(float(opened.field("surface_pressure", time_s=time_s).max()) for time_s in opened.times) / 1e3
-    open_mm2 = min(section.area_mm2 for section in closed.sections if section.area_mm2 is not None)
-    return ClaimFigure(f"{open_mm2:.1f} mm2 remain open, {pressure_kPa:.1f} kPa", open_mm2)
+    text = f"{leak.area_mm2:.1f} mm2 remain open, {leak.width_mm:.1f} mm wide, {pressure_kPa:.1f} kPa"
+    return ClaimFigure(text, leak.area_mm2)
 
 
 def crossings(work: Workshop) -> ClaimFigure:

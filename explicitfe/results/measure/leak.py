@@ -70,7 +70,7 @@ class Leak(NamedTuple):
 
 
 class LeakHistory:
-    """The leak at stored samples up to a step, whose ``times_s`` are (t,); one sample takes about 15 ms."""
+    """The leak at stored samples up to a step, whose ``times_s`` are (t,); one sample takes about 20 ms."""
 
     def __init__(self, result: Recorded, step: int, grid: RoofGrid) -> None:
         self._result, self._grid = result, grid

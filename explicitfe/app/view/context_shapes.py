@@ -31,7 +31,7 @@ class Mouth(ContextTable):
     length_mm: float
     half_opening_mm: float
     limits_mm: tuple[float, float]
-    beside_mm: float
+    corner_mm: float
     radius_mm: float
     corner_shares: tuple[float, float]
     depth_centre_mm: float
@@ -116,7 +116,7 @@ def lip(mouth: Mouth, profile_mm: list[tuple[float, float]], opening: Opening) -
     # Protrusion moves the edge; the base stays on the face.
     x *= 1.0 + (longer - 1.0) * np.clip(1.0 - from_edge, 0.0, 1.0)
     across = np.sin(np.linspace(-0.5 * np.pi, 0.5 * np.pi, RINGS_OF_A_PART))[:, None]
-    y, smaller = across * (half_width + mouth.beside_mm), np.sqrt(1.0 - across**2)
+    y, smaller = across * (mouth.corner_mm + 0.5 * half_width), np.sqrt(1.0 - across**2)
     height, depth = (share + (1.0 - share) * smaller for share in mouth.corner_shares)
     half_height = opening.area / (np.pi * half_width) * np.sqrt(np.maximum(1.0 - (y / half_width) ** 2, 0.0))
     # The jaw carries the lower lip. The middle of the opening sinks half as far: the remainder is a change of shape.

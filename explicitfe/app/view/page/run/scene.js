@@ -290,7 +290,7 @@ const Playback = (() => {
       const { arrays, context } = this.body.data;
       this.context = context.map((part) => [
         part,
-        this.addSurface(arrays[`context_${part.name}_points`].slice(), arrays[`context_${part.name}_triangles`], part.colour, 0.35),
+        this.addSurface(arrays[`context_${part.name}_points`].slice(), arrays[`context_${part.name}_triangles`], part.colour, 0.42),
       ]);
     }
 

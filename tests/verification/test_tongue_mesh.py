@@ -637,6 +637,22 @@ def test_every_muscle_has_two_mirrored_sides(muscles, resolution):
             assert (left.points.natural * [1.0, -1.0, 1.0] == right.points.natural).all()
 
 
+def test_a_whole_has_the_fibres_and_the_force_of_its_parts(muscles):
+    """Right sides first, in the order of the parts; each fibre is that of the part, and all have the same share of the force."""
+    assert {name for name, muscle in muscles["coarse"].items() if muscle.parts} == set(PARTS)
+    for whole, names in PARTS.items():
+        muscle, parts = muscles["coarse"][whole], [muscles["coarse"][name] for name in names]
+        assert muscle.parts == names
+        ours = [id(fibre) for part in parts for fibre in part.chosen("right")]
+        assert [id(fibre) for fibre in muscle.chosen("right")] == ours and len(ours) == len(muscle.fibres) // 2
+        assert {id(fibre) for fibre in muscle.fibres} == {id(fibre) for part in parts for fibre in part.fibres}
+        assert muscle.max_force_N == pytest.approx(sum(part.max_force_N for part in parts), rel=1e-15)
+        assert set(muscle.elements) == {element for part in parts for element in part.elements}
+        for part in parts:
+            share_N = part.max_force_N / len(part.fibres)
+            assert share_N == pytest.approx(muscle.max_force_N / len(muscle.fibres), rel=0.005)
+
+
 @pytest.mark.parametrize("resolution", RESOLUTIONS)
 def test_fibres_follow_the_mesh(tongue, meshes, muscles, resolution):
     mesh = meshes[resolution]
@@ -806,6 +822,13 @@ def test_tension_along_the_superior_longitudinal_follows_the_thickness(tongue, m
         ("title = 'x'\naction = 'y'\nmax_force_N = 1\nfibres = [[[0.1,0.1],[0.2,0.2]]]", "three"),
         ("title = 'x'\naction = 'y'\nmax_force_N = 1\nfibres = [[[0.1,0.1,-0.1],[0.2,0.2,0.2]]]", "w < 0"),
         ("title = 'x'\naction = 'y'\nmax_force_N = 1\nfibres = [[[0.1,0.1,0.1],[0.2,1.2,0.2]]]", "outside the tongue"),
+        ("title = 'x'\naction = 'y'\nparts = ['GGa']", 'no muscle "GGa" stands before it'),
+        ("title = 'x'\naction = 'y'\nparts = ['GGx']", 'no muscle "GGx" stands before it'),
+        ("title = 'x'\naction = 'y'\nparts = []\nfibres = [[[0.1,0.1,0.1],[0.2,0.2,0.2]]]", '"fibres" is missing or unknown'),
+        ("title = 'x'\nparts = ['GGa']", '"action" is missing or unknown'),
+        ("title = 'x'\naction = 'y'\nparts = []", "parts must be a list of names of muscles"),
+        ("title = 'x'\naction = 'y'\nparts = 'GGa'", "parts must be a list of names of muscles"),
+        ("title = 'x'\naction = 'y'\nparts = [1]", "parts must be a list of names of muscles"),
     ],
 )
 def test_muscle_files_that_cannot_be(tongue, tmp_path, text, words):

@@ -158,7 +158,7 @@ def read_muscles(path: Path | str, contour_map: ContourMap, cells: Sequence[int]
     return muscles
 
 
-def _whole(name: str, table: Mapping[str, Any], where: str, muscles: Mapping[str, Muscle]) -> Muscle:
+def _whole(name: str, table: Mapping[str, object], where: str, muscles: Mapping[str, Muscle]) -> Muscle:
     """The muscle that earlier muscles of a file are parts of: their fibres, and the sum of their largest forces."""
     for key in sorted({*table} ^ {"title", "action", "parts"}):
         raise InputError(

@@ -53,7 +53,7 @@ def test_a_summary_says_which_way_a_point_went(tmp_path: Path, capsys: pytest.Ca
 def test_times_of_a_busy_machine_are_not_taken_for_its_speed(
     processes: float | None, told: bool, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    spoken = {"name": "vowel-i", "hexes": 1280, "steps": 6540, "loop_s": 0.5, "real_time_factor": 0.4}
+    spoken = {"name": "vowel-i", "hexes": 1200, "steps": 6540, "loop_s": 0.5, "real_time_factor": 0.4}
     report = {"lanes": 8, "cores": 2, "load": processes, "rows": [], "scenario": spoken}
     monkeypatch.setattr(speed, "bench", lambda *given: report)
     assert command(["bench"]) == 0

@@ -213,9 +213,9 @@ def test_a_tongue_that_is_forward_and_up_lowers_f1_and_raises_f2(tmp_path):
     moved = airway(tmp_path / "a.vtkhdf")
     assert moved.formants[0].frequency_hz < at_rest.formants[0].frequency_hz - 50.0
     assert moved.formants[1].frequency_hz > at_rest.formants[1].frequency_hz + 50.0
-    # 4 mm more over a width of some 40 mm
+    # 4 mm forward and 2 mm up widen the gap by 2 to 4 mm, less where the tongue faces the velum, over a width of some 40 mm.
     pharynx = [np.mean([s.area_mm2 for s in each.sections if s.region == "pharynx"]) for each in (at_rest, moved)]
-    assert 100.0 < pharynx[1] - pharynx[0] < 220.0
+    assert 80.0 < pharynx[1] - pharynx[0] < 160.0
 
 
 def test_lips_of_the_scenario_and_what_they_change(tmp_path):
@@ -251,9 +251,10 @@ def test_a_tongue_pressed_to_the_palate_closes_the_airway(tmp_path):
 
 
 def test_a_tongue_that_leaves_a_way_beside_the_molars_does_not_close_the_airway(tmp_path):
-    path = tongue(tmp_path / "a.vtkhdf", (0.0, 0.0, 11.0))  # the plane sections end at its sides, and have no area
+    # The plane sections end at its sides, and have no area.
+    path = tongue(tmp_path / "a.vtkhdf", (0.0, 0.0, 11.0), wider=0.7)
     answer, leak = airway(path), measure(path).leak
-    assert leak is not None and leak.over_plate_mm == 0.0 and leak.beside_molars_mm > 1.0
+    assert leak is not None and leak.over_plate_mm == 0.0 and leak.width_mm > 1.0 and abs(leak.side_mm) > 10.0
     assert not answer.closed and len(answer.formants) == 3
     assert answer.smallest_area_mm2 == pytest.approx(leak.area_mm2)
 

@@ -107,7 +107,7 @@ def pattern_of(path: Path) -> np.ndarray:
 def cells(rows: Sequence[int], columns: Sequence[int]) -> np.ndarray:
     """A pattern of rows and columns, from 1."""
     touched = np.zeros((8, 8), dtype=bool)
-    touched[np.ix_(np.array(rows) - 1, np.array(columns) - 1)] = True
+    touched[np.ix_(np.array(rows, dtype=int) - 1, np.array(columns, dtype=int) - 1)] = True
     touched[0, [0, 7]] = False
     return touched
 

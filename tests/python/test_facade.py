@@ -61,7 +61,7 @@ def test_a_result_describes_itself(ended):
     with fe.open_result(ended) as result:
         said = repr(result)
         assert said.startswith(f"Result '{ended.path}': finished\n  Vowel [i]")
-        assert "480 elements" in said and "11 samples from 0 to 20 ms" in said and "displacement" in said and "tip" in said
+        assert "384 elements" in said and "11 samples from 0 to 20 ms" in said and "displacement" in said and "tip" in said
     assert "was closed; open it again" in repr(result)
     with pytest.raises(fe.InputError, match="was closed"):
         result.displacement(3)

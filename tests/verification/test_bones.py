@@ -241,8 +241,7 @@ def test_the_jaw_is_where_its_table_says():
 def test_the_tongue_at_rest_lies_between_the_bones(fields):
     """Distances of named points within 0.6 mm of those of the measured tongue from its own bones.
 
-    What lies inside: at most 1 mm of the palate, and of the jaw 2 mm outside of the patches that it holds, at the lower edge of
-    the tip, which is blunter than the measured one.
+    Nothing lies inside the palate. The jaw is entered by at most 2.2 mm where it holds the tongue, and by 1 mm next to that.
     """
     shape = catalogue.contour("tongue")
     expected = {"tip": ("jaw", 2.7), "blade": ("palate", 6.2), "front": ("palate", 9.2), "dorsum": ("palate", 8.7)}
@@ -252,10 +251,10 @@ def test_the_tongue_at_rest_lies_between_the_bones(fields):
         assert abs(fields[bone].at(place)[0][0] - MM * millimetres) < 0.6 * MM, point
     mesh = catalogue.built_in("tongue", "medium").mesh
     free = surface_areas(mesh) > 0.0
-    assert fields["palate"].at(mesh.points[free])[0].min() > -1.0 * MM
-    assert fields["jaw"].at(mesh.points[free])[0].min() > -3.0 * MM
+    assert fields["palate"].at(mesh.points[free])[0].min() > 0.0
+    assert fields["jaw"].at(mesh.points[free])[0].min() > -2.2 * MM
     free[mesh.node_sets["jaw"]] = False
-    assert fields["jaw"].at(mesh.points[free])[0].min() > -2.0 * MM
+    assert fields["jaw"].at(mesh.points[free])[0].min() > -1.0 * MM
 
 
 @needs(BONES / "ICPJaw3.obj")

@@ -7,7 +7,8 @@ import pytest
 import scipy
 
 from explicitfe.fem.bones.distance import distance_field
-from explicitfe.fem.bones.surface import check_surface, depth_inside
+from explicitfe.fem.bones.surface import TriangleSurface, check_surface, depth_inside
+from explicitfe.fem.bones.tables import channel
 from explicitfe.fem.mesh.bent_block import ContourMap, mirror
 from explicitfe.fem.mesh.hexmesh import shape_functions
 from explicitfe.fem.mesh.quality import volumes
@@ -106,3 +107,31 @@ def test_the_ends_of_the_bone_leave_the_channel_open(part: str) -> None:
     field = distance_field(surface, smoothing_m=0.0, region=np.array([[0.11, -0.01, 0.055], [0.13, 0.01, 0.11]]))
     assert field.at(places)[0].min() > 7.0 * MM
     assert surface.points[:, 0].min() > (0.1139 if part == "surface" else 0.12)
+
+
+def straight_channel(radius_mm: float) -> TriangleSurface:
+    """20 mm wide and 20 mm high between walls of 4 mm, open for 20 mm in front of x = 50 mm."""
+    table = {"height_mm": [0, 20], "half_width_mm": [10, 10], "y_mm": [0, 5, 10], "back_mm": [[50, 50, 50]] * 2}
+    surface = channel(table | {"side_front_mm": 30, "thickness_mm": 4, "front_radius_mm": radius_mm})
+    check_surface(surface, "channel")
+    return surface
+
+
+@pytest.mark.parametrize("radius_mm", [1.5, 3.0])
+def test_the_front_edges_have_their_radius(radius_mm: float) -> None:
+    """A quarter of a circle joins inner sides and front: corners lie on it, middles of its quads on chords of 22.5 degrees."""
+    x, y, _ = np.abs(straight_channel(radius_mm).points.T) / MM
+    assert x.min() == pytest.approx(30.0) and y[x < 50.0].min() == pytest.approx(10.0)
+    edge = (x < 30.0 + radius_mm - 1e-9) & (y < 10.0 + radius_mm + 1e-9)
+    distance = np.hypot(x - 30.0 - radius_mm, y - 10.0 - radius_mm)[edge]
+    assert np.unique(x[edge].round(6)).size == 8  # four corners and four middles
+    assert distance.max() == pytest.approx(radius_mm, rel=1e-9)
+    assert distance.min() == pytest.approx(radius_mm * np.cos(np.radians(11.25)), rel=1e-9)
+
+
+def test_edges_without_a_radius_are_sharp() -> None:
+    """The volume is that of a plate of 28 x 4 mm and two sides of 20 x 4 mm."""
+    surface = straight_channel(0.0)
+    assert surface.volume_m3 == pytest.approx(20.0 * (28.0 * 4.0 + 2 * 20.0 * 4.0) * MM**3, rel=1e-9)
+    x, y, _ = np.abs(surface.points.T) / MM
+    assert y[x < 30.1].min() == pytest.approx(10.0)

@@ -138,7 +138,7 @@ def channel(table: BoneTable, sides: bool = True) -> TriangleSurface:
     """A solid around a channel that is open in front: a back wall x(z, |y|), and side walls that run forwards from its edges.
 
     ``table`` holds height_mm (k,), half_width_mm (k,), y_mm (l,) from 0, back_mm (k, l), side_front_mm, thickness_mm, and
-    front_radius_mm of the inner front edges. Without ``sides`` it is the back wall alone.
+    front_radius_mm of the inner front edges, 0 for sharp ones. Without ``sides`` it is the back wall alone.
     """
     height_mm, y_mm = _row(table, "height_mm"), _row(table, "y_mm")
     back = _table(table, "back_mm", (len(height_mm), len(y_mm)))
@@ -157,9 +157,9 @@ def channel(table: BoneTable, sides: bool = True) -> TriangleSurface:
     # The outside runs back along the side and behind the wall, to the midsagittal plane.
     around_x, around_y = [x, behind], [y, y[:, ::-1]]
     if sides:
-        turn = np.concatenate([np.zeros(side.shape[1]), np.radians(_EDGE_DEG)])
-        near = width[:, None] + radius * (1.0 - np.cos(turn))
-        side = np.hstack([side, np.repeat([front + radius * (1.0 - np.sin(np.radians(_EDGE_DEG)))], len(z), axis=0)])
+        edge = np.radians(_EDGE_DEG if radius > 0.0 else ())
+        near = width[:, None] + radius * (1.0 - np.cos(np.concatenate([np.zeros(side.shape[1]), edge])))
+        side = np.hstack([side, np.repeat([front + radius * (1.0 - np.sin(edge))], len(z), axis=0)])
         around_x[1:1] = [side, side[:, ::-1], behind[:, :1]]
         around_y[1:1] = [near, near + thickness, near[:, :1] + thickness]
     half_x, half_y = np.hstack(around_x), np.hstack(around_y)

@@ -1,9 +1,9 @@
 """The tongue from contour tables: a bent block of s x t x w, meshed at any resolution.
 
 ``ContourMap`` maps material coordinates (s, t, w) to the reference shape; the formula stands at the top of
-``models/tongue/geometry.toml``. A structured mesh of the block has no bad element at any resolution and is exactly its
-own mirror image, which a mesh of a real tongue is not; and what is said in (s, t, w), such as a muscle fibre, holds for
-every resolution. Where a file gives the half width of an inner surface too, the block is two halves that are each other's
+``models/tongue/geometry.toml``. A structured mesh of the block has no inverted element at the resolutions of its file and is
+exactly its own mirror image, which a mesh of a real tongue is not; and what is said in (s, t, w), such as a muscle fibre, holds
+for every resolution. Where a file gives the half width of an inner surface too, the block is two halves that are each other's
 mirror images, such as the side walls of the pharynx.
 """
 

@@ -158,18 +158,23 @@ def read_muscles(path: Path | str, contour_map: ContourMap, cells: Sequence[int]
     return muscles
 
 
-def _whole(name: str, table: Mapping[str, Any], where: str, muscles: Mapping[str, Muscle]) -> Muscle:
+def _whole(name: str, table: Mapping[str, object], where: str, muscles: Mapping[str, Muscle]) -> Muscle:
     """The muscle that earlier muscles of a file are parts of: their fibres, and the sum of their largest forces."""
-    for key in {*table} ^ {"title", "action", "parts"}:
-        raise InputError(f'{where}: a muscle with parts has the keys "title", "action" and "parts"; "{key}" is missing or unknown.')
-    for part in table["parts"]:
+    for key in sorted({*table} ^ {"title", "action", "parts"}):
+        raise InputError(
+            f'{where}: a muscle with parts has the keys "title", "action" and "parts"; "{key}" is missing or unknown.'
+        )
+    names = table["parts"]
+    if not isinstance(names, list) or not names or not all(isinstance(part, str) for part in names):
+        raise InputError(f"{where}: parts must be a list of names of muscles, not {names!r}.")
+    for part in names:
         if part not in muscles:
-            raise InputError(f'{where}: no muscle "{part}" stands before it; {nearest(str(part), muscles)}')
-    parts = [muscles[part] for part in table["parts"]]
+            raise InputError(f'{where}: no muscle "{part}" stands before it; {nearest(part, muscles)}')
+    parts = [muscles[part] for part in names]
     fibres = [fibre for side in ("right", "left") for part in parts for fibre in part.chosen(side)]
     force_N = sum(part.max_force_N for part in parts)
     whole = Muscle.of(name, str(table["title"]), force_N, tuple(fibres), str(table["action"]), parts[0].origin_width_m)
-    return replace(whole, parts=tuple(table["parts"]))
+    return replace(whole, parts=tuple(names))
 
 
 def _muscle(name: str, table: Mapping[str, Any], where: str, contour_map: ContourMap, cells: tuple[int, int, int]) -> Muscle:

@@ -55,7 +55,7 @@ class TongueOnPalate:
 
     def __init__(self, result: Recorded, at: Electrodes) -> None:
         self.result, self.at = result, at
-        self.plate_m = 1e-3 * float(_palate_table(result).get("plate_mm") or 0.0)
+        self.plate_m = _of_palate(result, "plate_mm") or 0.0
         element, face = free_faces(result.mesh.hexes)
         self._areas = surface_areas(result.mesh)
         self.faces = result.mesh.hexes[element[:, None], FACES[face]]
@@ -215,14 +215,14 @@ def centre_of_gravity(touched: np.ndarray) -> float | None:
 
 def hard_palate(result: Recorded) -> float | None:
     """The length of the hard palate that the scenario gives, m."""
-    length_mm = _palate_table(result).get("hard_palate_mm")
-    return None if length_mm is None else 1e-3 * float(length_mm)
+    return _of_palate(result, "hard_palate_mm")
 
 
-def _palate_table(result: Recorded) -> dict[str, Any]:
-    """The ``[[bone]]`` table of the palate in the scenario of a result; empty if it has none."""
+def _of_palate(result: Recorded, key: str) -> float | None:
+    """A length in the ``[[bone]]`` table of the palate in the scenario of a result, m; None if it is not given."""
     tables = result.model.get("scenario", {}).get("bone", [])
-    return next((table for table in tables if table.get("name") == PALATE), {})
+    length_mm = next((table.get(key) for table in tables if table.get("name") == PALATE), None)
+    return None if length_mm is None else 1e-3 * float(length_mm)
 
 
 def _durations(times: np.ndarray, on: np.ndarray) -> np.ndarray:

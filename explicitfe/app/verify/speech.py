@@ -46,7 +46,7 @@ MEN_HZ = {"i": (270.0, 2290.0), "a": (730.0, 1090.0), "u": (300.0, 870.0)}
 WOMEN_HZ = {"i": (310.0, 2790.0), "a": (850.0, 1220.0), "u": (370.0, 950.0)}
 VOWELS = {"i": "vowel-i-palatal", "a": "vowel-a", "u": "vowel-u"}
 COARSE = "model.resolution=coarse"
-CLOSURE, CLOSED_S = "velar-k-soft", 0.14
+STOPS, CLOSED_S = ("alveolar-t", "velar-k"), 0.14
 
 
 def tubes(_: Workshop) -> ClaimFigure:
@@ -87,15 +87,18 @@ def vowel_formants(work: Workshop) -> ClaimFigure:
 
 
 def closure(work: Workshop) -> ClaimFigure:
-    """Area [mm2] that remains open between tongue and deformable velum in [k]."""
-    result = Path(work.run(CLOSURE)["result"])
-    leak = measure(result, time_s=CLOSED_S).leak
-    if leak is None:
-        raise RunError(f"{CLOSURE}: no leak could be measured.")
-    with open_result(result) as opened:
-        pressure_kPa = max(float(opened.field("surface_pressure", time_s=time_s).max()) for time_s in opened.times) / 1e3
-    text = f"{leak.area_mm2:.1f} mm2 remain open, {leak.width_mm:.1f} mm wide, {pressure_kPa:.1f} kPa"
-    return ClaimFigure(text, leak.area_mm2)
+    """Width [mm] of the wider of the leaks that remain in [t] and in [k], whose velum is deformable."""
+    widths, texts = [], []
+    for stop in STOPS:
+        result = Path(work.run(stop)["result"])
+        leak = measure(result, time_s=CLOSED_S).leak
+        if leak is None:
+            raise RunError(f"{stop}: no leak could be measured.")
+        with open_result(result) as opened:
+            pressure_kPa = 1e-3 * float(opened.field("contact_pressure_palate", time_s=CLOSED_S).max())
+        widths.append(leak.width_mm)
+        texts.append(f"{stop} {leak.width_mm:.2f} mm at {pressure_kPa:.1f} kPa")
+    return ClaimFigure(", ".join(texts), max(widths))
 
 
 def crossings(work: Workshop) -> ClaimFigure:

@@ -38,7 +38,8 @@ def view(
     viewpoint : "midsagittal" (cut in the middle), "side", "front", "top" or "oblique"; chosen by the kind of result if left out.
     field : the stored field that colours the body, or "none".
     time_s : the time shown, s; a film ends there. The end if left out.
-    without : parts that are hidden: "bones", "fibres" (of muscles) or "rest" (the shape at rest).
+    without : parts that are hidden: "bones", "fibres" (of muscles), "rest" (the shape at rest) or "context" (lips, hyoid bone
+        and larynx).
     size_px : width and height, pixels.
     file : "png", "gif" or "mp4" to write a file instead.
     folder : of the file; that of the result if left out.

@@ -48,7 +48,11 @@ class ViewOptions:
     seconds: Annotated[float, typer.Option("--seconds", metavar="S", help="Duration of a film in seconds.")] = 4.0
     without: Annotated[
         list[str] | None,
-        typer.Option("--without", metavar="PART", help="Hide bones, fibres or rest (the shape at rest); repeat for several."),
+        typer.Option(
+            "--without",
+            metavar="PART",
+            help="Hide bones, fibres, rest (the shape at rest) or context (lips, larynx).",
+        ),
     ] = None
     overwrite: OverwriteFilesOption = False
     as_json: JsonOption = False

@@ -35,6 +35,8 @@ GREY, HELD, GRID = "0.55", "black", "0.88"
 BONE, BONE_EDGE, CONSTRICTION = "#EFE6D2", "#8C7B5A", COLOURS[1]
 # In a mouth: the tongue where no field colours it, what covers the bones, and teeth.
 TONGUE, MUCOSA, IVORY = "#C8706A", "#E3C0B2", "#F7F3E4"
+# Around it: lips, epiglottis and larynx.
+LIP, CARTILAGE = "#D9A199", "#D8C7AE"
 # A muscle fibre without tension, and with all the force of its muscle.
 FIBRE_AT_REST, FIBRE_PULLING = "#C9C9C9", "#D1003F"
 # Little energy is pale and much is dark; the order can be seen with every kind of colour blindness.

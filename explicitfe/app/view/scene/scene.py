@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from explicitfe.app.view.context import ContextPart, context_of
 from explicitfe.app.view.mouth import drawn_bones, is_mouth, teeth_of
 from explicitfe.app.view.muscles import activation, muscles_of
 from explicitfe.app.view.palette import BONE, BONE_EDGE, FIBRE_AT_REST, FIBRE_PULLING, IVORY, MUCOSA, TONGUE
@@ -29,7 +30,7 @@ if TYPE_CHECKING:
 # Bones are shown up to this distance from the body, because the tongue would be tiny in a whole skull.
 BONES_AROUND_MM = 12.0
 # What stands between the camera and the tongue is transparent.
-NEAR_BONE_OPACITY, NEAR_TEETH_OPACITY = 0.12, 0.25
+NEAR_BONE_OPACITY, NEAR_TEETH_OPACITY, NEAR_CONTEXT_OPACITY = 0.12, 0.25, 0.2
 CLEAR_OF_BONE_MM = 2.0  # more than crowns stand out from a bone
 LARGEST_HOLE_MM = 100.0  # in a bone, which is closed for display
 GHOST_OPACITY, GHOST_COLOUR = 0.7, "#303030"
@@ -37,7 +38,7 @@ GHOST_OPACITY, GHOST_COLOUR = 0.7, "#303030"
 DASH_LENGTH_SHARE, DASH_SHARE = 0.016, 0.6
 # The outline at rest and cut bones are drawn this share of the body in front of the cut face.
 BEFORE_FACE_SHARE = 0.004
-PARTS = ("bones", "fibres", "rest")  # that a scene may lack
+PARTS = ("bones", "fibres", "rest", "context")  # that a scene may lack
 VIEW_OF_SPECIMEN = "oblique"  # It has no midsagittal plane.
 # Faces of a bone that meet at less than this angle are shaded as one.
 BONE_EDGE_DEG = 50.0
@@ -54,7 +55,7 @@ class Look:
     ----------
     view : a name of ``VIEWPOINTS``.
     field : a stored field, or ``NO_FIELD``.
-    bones, fibres, at_rest : whether bones, muscle fibres and the shape at rest are shown.
+    bones, fibres, at_rest, context : whether bones, muscle fibres, the shape at rest, and lips, hyoid bone and larynx are shown.
     """
 
     view: str = "midsagittal"
@@ -62,6 +63,7 @@ class Look:
     bones: bool = True
     fibres: bool = True
     at_rest: bool = True
+    context: bool = True
 
 
 def look_of(view: str | None, kind: str, field: str, without: Sequence[str]) -> Look:
@@ -117,6 +119,11 @@ class Scene:
             self._add_shape_at_rest()
         self._bones = self._add_bones() if look.bones else {}
         self._fibres = self._add_fibres() if look.fibres else {}
+        self._context: dict[str, ContextPart] = {}
+        self._context_actors: dict[str, list[pyvista.Actor]] = {}
+        if look.context:
+            for step in (steps[0], steps[-1]):
+                self._place_context(step)
 
     @property
     def has_fibres(self) -> bool:
@@ -139,6 +146,8 @@ class Scene:
             matrix[:3, :3], matrix[:3, 3] = rotation, 1e3 * shift
             for actor in actors:
                 actor.user_matrix = matrix
+        if self.look.context:
+            self._place_context(step)
         pulls = self.pulls(step)
         for number, fibres in self._fibres.items():
             fibres.drawn.points = 1e3 * fibres.points.places(displacement)
@@ -218,6 +227,21 @@ class Scene:
                 before = None if self.view.before is None else NEAR_TEETH_OPACITY
                 actors[name] += self._add_part(crowns, normal, origin, before, IVORY, specular=0.3, specular_power=25.0)
         return actors
+
+    def _place_context(self, step: int) -> None:
+        """What is around the tongue at a sample: seen as teeth are. A part that has moved or changed its shape is drawn anew."""
+        import pyvista
+
+        for name, part in context_of(self.result, step).items():
+            before = self._context.get(name)
+            if before is not None and np.array_equal(before.points, part.points):
+                continue
+            for actor in self._context_actors.get(name, ()):
+                self.plotter.remove_actor(actor, reset_camera=False, render=False)
+            surface = pyvista.PolyData.from_regular_faces(1e3 * part.points, part.triangles)
+            opacity = None if self.view.before is None else NEAR_CONTEXT_OPACITY
+            self._context[name] = part
+            self._context_actors[name] = self._add_part(surface, *self._plane(surface), opacity, part.colour)
 
     def _plane(self, bone: pyvista.PolyData) -> tuple[np.ndarray, np.ndarray]:
         """Normal and point of the plane in front of which a bone does not hide the body."""

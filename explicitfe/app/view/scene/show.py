@@ -54,7 +54,7 @@ def show(
     results : a result, or several of the same kind of analysis.
     view : a name of ``VIEWPOINTS``; by default the midsagittal cut, "oblique" for a specimen.
     field : a stored field that colours the body, or "none"; other than displacement, it is part of the names of the files.
-    without : parts that are hidden: "bones", "fibres" or "rest", the shape at rest.
+    without : parts that are hidden: "bones", "fibres", "rest", the shape at rest, or "context": lips, hyoid bone and larynx.
     folder : output folder; that of the first result by default.
     time_s : time of a picture and end of a film; by default the last time that all results have.
     size_px : width and height of the picture of each result.

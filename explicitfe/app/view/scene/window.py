@@ -20,8 +20,8 @@ MOST_TICKS = 10**9
 SLIDER_SHARE = 0.897  # how high the course of time stands in the window
 # Key -> the view that it changes to, and the part of a look that it turns on or off.
 VIEW_KEYS = {"m": "midsagittal", "s": "side", "f": "front", "t": "top", "o": "oblique"}
-PART_KEYS = {"b": "bones", "x": "fibres", "r": "at_rest"}
-KEYS_IN_WORDS = "space: play; left, right: one sample; m s f t o: viewpoint; b bones, x fibres, r rest; q: close"
+PART_KEYS = {"b": "bones", "x": "fibres", "r": "at_rest", "c": "context"}
+KEYS_IN_WORDS = "space: play; left, right: one sample; m s f t o: viewpoint; b bones, x fibres, r rest, c context; q: close"
 
 
 class Window:

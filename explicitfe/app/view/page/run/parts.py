@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from pydantic import JsonValue
 
+from explicitfe.app.view.context import context_of
 from explicitfe.app.view.heading import title_of
 from explicitfe.app.view.muscles import muscles_of, pull_in_words
 from explicitfe.app.view.page.chart import Chart
@@ -60,6 +61,7 @@ class RunOnPage:
     has_fibres : whether muscle fibres are part of the animation.
     scenario : text of the scenario file; ``commands`` repeat the run and show more of it.
     is_tongue : whether it is a run in time rather than an indentation.
+    has_context : whether lips, hyoid bone and larynx are drawn around it.
     """
 
     label: str
@@ -81,6 +83,7 @@ class RunOnPage:
     scenario: str
     commands: list[str]
     is_tongue: bool
+    has_context: bool
 
 
 def run_on_page(result: Result, measures: Measures | None, label: str, charts: list[Chart], share: float) -> RunOnPage:
@@ -112,6 +115,7 @@ def run_on_page(result: Result, measures: Measures | None, label: str, charts: l
         scenario=result.scenario_text,
         commands=list(_commands(result)),
         is_tongue=kind_of(result.model) == "transient",
+        has_context=bool(context_of(result, 0)),
     )
 
 

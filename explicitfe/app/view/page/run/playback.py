@@ -11,6 +11,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from typing_extensions import TypedDict
 
+from explicitfe.app.view.context import context_of
 from explicitfe.app.view.mouth import Teeth, drawn_bones, is_mouth, teeth_of
 from explicitfe.app.view.page.run.packed import Packed
 from explicitfe.app.view.page.run.speech import fibre_points, pack_contact, pack_muscles
@@ -27,6 +28,7 @@ FEWEST_FRAMES = 12
 UNPACKED_BYTES = 12_000_000
 # Displacements are rounded to this: less than a pixel.
 ROUNDING_MM = 0.005
+CONTEXT_ROUNDING_MM = 0.02
 LARGEST_STORED_NUMBER = 32000
 # A field is told apart in so many steps between its smallest and its largest value.
 FIELD_STEPS = 255
@@ -101,6 +103,7 @@ def playback(result: Result, last: int, share: float = 1.0) -> str:
         "fields": [entry for entry in named if entry is not None],
         "bones": bones,
         "teeth": [_pack_teeth(packed, name, teeth) for name, teeth in teeth_of(result).items()],
+        "context": _pack_context(packed, result, steps),
         "smooth_steps": len(smooth.steps),
         "round": is_mouth(result),
         "points": [_pack_point(packed, result, name, steps) for name in result.mesh.named_points],
@@ -239,6 +242,21 @@ def _pack_teeth(packed: Packed, bone: str, teeth: Teeth) -> str:
     packed.add(f"teeth_{bone}_points", 1e3 * teeth.points, "<f4")
     packed.add(f"teeth_{bone}_triangles", teeth.triangles, "<u4")
     return bone
+
+
+def _pack_context(packed: Packed, result: Result, steps: np.ndarray) -> list[dict[str, object]]:
+    """Add what is drawn around a tongue: surfaces in the first frame, and the changes from frame to frame of those that move."""
+    frames, parts = [context_of(result, int(step)) for step in steps], []
+    for name, part in frames[0].items():
+        packed.add(f"context_{name}_points", 1e3 * part.points, "<f4")
+        packed.add(f"context_{name}_triangles", part.triangles, "<u4")
+        moved = 1e3 * np.stack([frame[name].points - part.points for frame in frames])
+        whole = np.round(moved / CONTEXT_ROUNDING_MM).astype(np.int32)
+        if whole.any():
+            changes = np.diff(whole, axis=0, prepend=np.zeros_like(whole[:1]))
+            packed.add(f"context_{name}_moved", changes.transpose(0, 2, 1), "<i2")
+        parts.append({"name": name, "colour": part.colour, "moves": bool(whole.any()), "rounding_mm": CONTEXT_ROUNDING_MM})
+    return parts
 
 
 def _outlines(cut: PlaneCut, points: np.ndarray) -> Iterator[list[list[float]]]:

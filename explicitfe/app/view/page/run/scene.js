@@ -22,6 +22,7 @@ const Playback = (() => {
     const frames = arrays.times.length;
     for (const name of ["moved", "fibres_moved"]) if (arrays[name]) sumOverFrames(arrays[name], frames);
     for (const field of header.fields) sumOverFrames(arrays[`field_${field.name}`], frames);
+    for (const part of header.context) if (part.moves) sumOverFrames(arrays[`context_${part.name}_moved`], frames);
     return { ...header, arrays, frames };
   }
 
@@ -159,6 +160,17 @@ const Playback = (() => {
       return [0, 1, 2].map((axis) => (1 - share) * values[3 * before + axis] + share * values[3 * after + axis]);
     }
 
+    // Places the points of a part around the tongue at the present frame.
+    placeContext({ name, rounding_mm }, position) {
+      const { arrays, frames } = this.data, rest = arrays[`context_${name}_points`], moved = arrays[`context_${name}_moved`];
+      const before = Math.min(Math.floor(this.frame), frames - 1), after = Math.min(before + 1, frames - 1);
+      const share = this.frame - before, n = rest.length / 3;
+      for (let k = 0; k < rest.length; k++) {
+        const place = (k % 3) * n + Math.floor(k / 3);
+        position[k] = rest[k] + rounding_mm * ((1 - share) * moved[before * rest.length + place] + share * moved[after * rest.length + place]);
+      }
+    }
+
     toolHeight() {
       const values = this.data.arrays.tool_heights, last = this.data.frames - 1;
       const before = Math.min(Math.floor(this.frame), last), after = Math.min(before + 1, last), share = this.frame - before;
@@ -213,6 +225,7 @@ const Playback = (() => {
       this.addLights();
       this.addBody();
       this.addBones();
+      this.addContext();
       this.addPoints();
       this.addFibres();
       this.frameAll();
@@ -285,6 +298,14 @@ const Playback = (() => {
         this.bones.push([bones.find((bone) => bone.name === name), crowns]);
       }
       this.tool = tool && this.addSurface(arrays.tool_points, arrays.tool_triangles, "#8a8f98", 0.45);
+    }
+
+    addContext() {
+      const { arrays, context } = this.body.data;
+      this.context = context.map((part) => [
+        part,
+        this.addSurface(arrays[`context_${part.name}_points`].slice(), arrays[`context_${part.name}_triangles`], part.colour, 0.42),
+      ]);
     }
 
     addPoints() {
@@ -384,13 +405,14 @@ const Playback = (() => {
       this.camera.updateProjectionMatrix();
     }
 
-    show({ cut, bones, rest, lines, points, muscles }) {
+    show({ cut, bones, context, rest, lines, points, muscles }) {
       const half = cut && this.hasSection;
       this.parts.whole.visible = !half;
       this.parts.half.visible = this.parts.section.visible = half;
       this.lines.visible = lines && !half;
       this.rest.visible = rest;
       for (const [, mesh] of this.bones) mesh.visible = bones;
+      for (const [, mesh] of this.context) mesh.visible = context;
       for (const [, mesh] of this.points) mesh.visible = points;
       for (const [, side, mesh] of this.fibres) mesh.visible = muscles && !(half && side === "left");
     }
@@ -430,6 +452,12 @@ const Playback = (() => {
       for (const [bone, mesh] of this.bones) {
         mesh.matrix.copy(this.body.placement(bone));
         mesh.matrixWorldNeedsUpdate = true;
+      }
+      for (const [part, mesh] of this.context) {
+        if (!part.moves || !mesh.visible) continue;
+        this.body.placeContext(part, mesh.geometry.attributes.position.array);
+        mesh.geometry.attributes.position.needsUpdate = true;
+        mesh.geometry.computeVertexNormals();
       }
       for (const [point, mesh] of this.points) mesh.position.fromArray(this.body.point(point.name));
       if (this.tool) {

@@ -17,6 +17,7 @@ import numpy as np
 from elements import table
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from PIL import Image
 
 import explicitfe
 from explicitfe.app.view.bones import bone_loops, fill_bones
@@ -32,15 +33,14 @@ from explicitfe.results.measure.steps import step_at
 POSTURES = {"rest": ("alveolar-t", 0.0), "[i]": ("vowel-i-palatal", None), "[a]": ("vowel-a", None),
             "[u]": ("vowel-u", None), "[t]": ("alveolar-t", 0.14), "[k]": ("velar-k", 0.14)}  # fmt: skip
 UP_MM = 1.0  # the lower edge of the upper incisors is at a height of 100 mm in the data and of 101 mm in the model
-# Outlines in the data that are drawn, and the labels of points of those that are compared.
-DRAWN = ("tongue", "palate-velum", "pharynx-wall", "epiglottis-larynx-front", "mandible")
-COMPARED = {"tongue": "tract", "palate-velum": "hard-palate", "pharynx-wall": "pharynx-wall"}
+COMPARED = {"tongue": "tract", "palate-velum": "hard-palate", "pharynx-wall": "pharynx-wall"}  # by the label of their points
+DRAWN = (*COMPARED, "epiglottis-larynx-front", "mandible")
 RANGE_PERCENT, ROUNDING = (5.0, 95.0), 1e-9  # a normal through the end of two segments misses neither by rounding
 FURTHEST_MM, LEAST_COSINE = 18.0, 0.5  # a crossing further along a normal, or of a line in another direction, is another place
 PLACES = ("tip", "blade", "front", "dorsum", "back", "root", "base")
 CORONAL_MM = (66.0, 78.0, 102.0)
 SIDE_SHOWN_MM, CORONAL_SHOWN_MM = ((41.0, 147.0), (42.0, 137.0)), ((-37.0, 37.0), (48.0, 134.0))
-OURS, VELUM, OUTSIDE, EACH, MEAN, RANGE = COLOURS[0], COLOURS[2], COLOURS[1], "#C9A9A3", "#8C4A40", "#F6CFC4"
+OURS, OUTSIDE, VELUM, EACH, MEAN, RANGE, COLOURS_KEPT = *COLOURS[:3], "#C9A9A3", "#8C4A40", "#F6CFC4", 128
 MARK, END = "<!-- mri-outlines -->", "<!-- end mri-outlines -->"
 Posture = tuple[Result, int, np.ndarray]  # with the number of a step, and the midsagittal outline (m, 2) mm of its tongue
 
@@ -169,8 +169,7 @@ def draw_midsagittal(path: Path, postures: dict[str, Posture], lines: dict[str, 
 
 def draw_coronal(path: Path, postures: dict[str, Posture], lines: dict[str, np.ndarray]) -> None:
     """Three coronal cuts of six postures, with the heights of the speakers' tongues and palates in the midline."""
-    figure = new_figure(10.0, 5.9, 144)
-    panels = figure.subplots(len(CORONAL_MM), len(postures), sharex=True, sharey=True)
+    panels = new_figure(10.0, 5.9, 144).subplots(len(CORONAL_MM), len(postures), sharex=True, sharey=True)
     for (row, column), axes in np.ndenumerate(panels):
         name, at_mm = list(postures)[column], CORONAL_MM[row]
         draw_cut(axes, *postures[name][:2], X, at_mm)
@@ -179,7 +178,7 @@ def draw_coronal(path: Path, postures: dict[str, Posture], lines: dict[str, np.n
             label = f"speakers' {part.partition('-')[0]}s in the midline, 5 to 95 %"
             axes.plot([y_mm, y_mm], heights, color=colour, lw=2.5, zorder=5, label=label)
         axes.set(title="" if row else name, xlabel="left  ←  y  →  right", ylabel=f"x = {at_mm:.0f} mm\nz, up (mm)")
-    finish(figure, path)
+    finish(panels[0, 0].figure, path)
 
 
 def finish(figure: Figure, path: Path) -> None:
@@ -190,6 +189,7 @@ def finish(figure: Figure, path: Path) -> None:
         axes.label_outer()
     figure.legend(handles.values(), handles, loc="outside lower center", ncols=4, frameon=False, fontsize=8.5)
     save(figure, path)
+    Image.open(path).convert("RGB").quantize(COLOURS_KEPT, method=Image.Quantize.MAXCOVERAGE).save(path, optimize=True)
 
 
 def main() -> None:

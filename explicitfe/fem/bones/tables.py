@@ -105,7 +105,7 @@ def arch(table: BoneTable) -> TriangleSurface:
     """A solid bent around a vertical axis, between two radii over angle and height.
 
     ``table`` holds centre_mm, angle_deg (k,) from 0, bottom_mm (k,), top_mm (k,), level_mm (l,), lingual_mm (k, l),
-    labial_mm (k, l).
+    labial_mm (k, l), and top_radius_mm of the edges along the top.
     """
     angle_deg, level = _row(table, "angle_deg"), _row(table, "level_mm")
     angle = _refined(angle_deg, _ANGLE_STEP_DEG)
@@ -116,18 +116,21 @@ def arch(table: BoneTable) -> TriangleSurface:
         return scipy.interpolate.PchipInterpolator(np.concatenate([-angle_deg[:0:-1], angle_deg]), mirrored)(angle)
 
     bottom, top = over_angle("bottom_mm"), over_angle("top_mm")
+    radius, turn = float(table["top_radius_mm"]), np.radians(_EDGE_DEG)
     share = np.linspace(0.0, 1.0, int(np.ceil((top - bottom).max() / _MESH_MM)) + 1)
-    z = bottom[:, None] + (top - bottom)[:, None] * share
+    z = bottom[:, None] + (top - radius - bottom)[:, None] * share
+    z = np.hstack([z, (top - radius)[:, None] + radius * np.sin(turn)])
+    inset = radius * (1.0 - np.cos(np.concatenate([np.zeros(len(share)), turn])))
     radii = []
     for name in ("lingual_mm", "labial_mm"):
         rows = over_angle(name, len(level))
         lines = (scipy.interpolate.PchipInterpolator(level, row) for row in rows)
-        radii.append([line(np.clip(at, level[0], level[-1])) for line, at in zip(lines, z, strict=True)])
-    lingual, labial = np.array(radii)
+        radii.append(np.array([line(np.clip(at, level[0], level[-1])) for line, at in zip(lines, z, strict=True)]))
+    lingual, labial = radii[0] + inset, radii[1] - inset
     section = np.stack([np.hstack([lingual, labial[:, ::-1]]), np.hstack([z, z[:, ::-1]])], axis=-1)
-    turn = np.radians(angle)
-    x = float(table["centre_mm"]) - section[:, :, 0] * np.cos(turn)[:, None]
-    y = section[:, :, 0] * np.sin(turn)[:, None]
+    around = np.radians(angle)[:, None]
+    x = float(table["centre_mm"]) - section[:, :, 0] * np.cos(around)
+    y = section[:, :, 0] * np.sin(around)
     return _ring(1e-3 * np.stack([x, y, section[:, :, 1]], axis=-1))
 
 

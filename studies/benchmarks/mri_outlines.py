@@ -40,7 +40,8 @@ FURTHEST_MM, LEAST_COSINE = 18.0, 0.5  # a crossing further along a normal, or o
 PLACES = ("tip", "blade", "front", "dorsum", "back", "root", "base")
 CORONAL_MM = (66.0, 78.0, 102.0)
 SIDE_SHOWN_MM, CORONAL_SHOWN_MM = ((41.0, 147.0), (42.0, 137.0)), ((-37.0, 37.0), (48.0, 134.0))
-OURS, OUTSIDE, VELUM, EACH, MEAN, RANGE, COLOURS_KEPT = *COLOURS[:3], "#C9A9A3", "#8C4A40", "#F6CFC4", 128
+OURS = {"tongue": COLOURS[0], "velum": COLOURS[2]}
+OUTSIDE, EACH, MEAN, RANGE, COLOURS_KEPT = COLOURS[1], "#C9A9A3", "#8C4A40", "#F6CFC4", 128
 MARK, END = "<!-- mri-outlines -->", "<!-- end mri-outlines -->"
 Posture = tuple[Result, int, np.ndarray]  # with the number of a step, and the midsagittal outline (m, 2) mm of its tongue
 
@@ -127,14 +128,12 @@ def read_speakers(folder: Path) -> tuple[dict[str, np.ndarray], dict[str, Band]]
 
 
 def cut_mm(result: Result, step: int, axis: int, at_mm: float) -> dict[str, np.ndarray]:
-    """Outlines (m, 3) mm of the tongue and, with further bodies, of all, in a plane that stands still while they move."""
-    lines = {}
-    for name, (mesh, moved) in {"tongue": tongue_of(result, step), "velum": (result.mesh, result.displacement(step))}.items():
-        (element, face), now = free_faces(mesh.hexes), mesh.points + moved
-        cut = cut_surface(mesh.hexes[element[:, None], FACES[face]], now[:, axis] - 1e-3 * at_mm)
-        if name == "tongue" or len(now) > len(tongue_of(result, step)[1]):
-            lines[name] = outline_mm(result, cut, now)
-    return lines
+    """Outlines (m, 3) mm of the tongue and of a deformable velum, as far as they are in a plane that does not move with them."""
+    now, (element, face) = result.mesh.points + result.displacement(step), free_faces(result.mesh.hexes)
+    faces, tongue_nodes = result.mesh.hexes[element[:, None], FACES[face]], len(tongue_of(result, step)[1])
+    own = {"tongue": faces[:, 0] < tongue_nodes, "velum": faces[:, 0] >= tongue_nodes}
+    cuts = {name: cut_surface(faces[each], now[:, axis] - 1e-3 * at_mm) for name, each in own.items()}
+    return {name: outline_mm(result, cut, now) for name, cut in cuts.items() if cut.loops}
 
 
 def draw_cut(axes: Axes, result: Result, step: int, axis: int, at_mm: float) -> None:
@@ -144,8 +143,7 @@ def draw_cut(axes: Axes, result: Result, step: int, axis: int, at_mm: float) -> 
     for patch in axes.patches:
         patch.set(linewidth=1.5, label="bones of the model")
     for name, line in cut_mm(result, step, axis, at_mm).items():
-        colour, zorder = (OURS, 4) if name == "tongue" else (VELUM, 3)
-        axes.plot(line[:, across], line[:, Z], color=colour, lw=2.2, zorder=zorder, label=f"{name} of the model")
+        axes.plot(line[:, across], line[:, Z], color=OURS[name], lw=2.2, zorder=4, label=f"{name} of the model")
     axes.set(xlim=shown[0], ylim=shown[1], aspect="equal")
     plain(axes)
 
@@ -189,7 +187,7 @@ def finish(figure: Figure, path: Path) -> None:
         axes.label_outer()
     figure.legend(handles.values(), handles, loc="outside lower center", ncols=4, frameon=False, fontsize=8.5)
     save(figure, path)
-    Image.open(path).convert("RGB").quantize(COLOURS_KEPT, method=Image.Quantize.MAXCOVERAGE).save(path, optimize=True)
+    Image.open(path).convert("RGB").quantize(COLOURS_KEPT, kmeans=4).save(path, optimize=True)
 
 
 def main() -> None:

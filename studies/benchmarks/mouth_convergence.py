@@ -1,4 +1,4 @@
-"""How the mesh changes [i], [t] and [k]: displacements of ten probes, contact areas and pressures on three meshes.
+"""How the mesh changes [i], [t], [k], GGp and SL: displacements of ten probes, contact areas and pressures on three meshes.
 
     python studies/benchmarks/mouth_convergence.py OUT
 
@@ -19,7 +19,13 @@ from explicitfe.results.measure.steps import step_at
 from explicitfe.simulate.anatomy import catalogue
 
 MESHES = ("coarse", "medium", "fine")
-SOUNDS = {"i": ("vowel-i-palatal", 0.2), "t": ("alveolar-t-sealed", 0.14), "k": ("velar-k-soft", 0.14)}
+SOUNDS = {
+    "[i]": ("vowel-i-palatal", 0.2),
+    "[t]": ("alveolar-t", 0.14),
+    "[k]": ("velar-k", 0.14),
+    "GGp": ("ggp-alone", 0.2),
+    "SL": ("sl-alone", 0.2),
+}
 # Material coordinates (s, t, w) of the probes at the side, above the widest place.
 SIDES = {"side of the blade": (0.25, 0.8, 0.8), "side of the dorsum": (0.45, 0.8, 0.8), "side of the root": (0.75, 0.8, 0.8)}
 CONTACTS = {"palate": "contact_pressure_palate", "jaw": "contact_pressure_jaw", "velum, both sides": "surface_pressure"}
@@ -61,7 +67,7 @@ def main(out: Path) -> None:
     """Print one table of probes for each sound, and one of contacts."""
     contacts = ["| sound | surface | " + " | ".join(f"{mesh}: mm², kPa" for mesh in MESHES) + " |", "|---|---|---|---|---|"]
     names = list(probes("coarse"))
-    titles = (f"[{sound}]: fine, mm | off: coarse, medium" for sound in SOUNDS)
+    titles = (f"{sound}: fine, mm | off: coarse, medium" for sound in SOUNDS)
     differences = ["| probe | " + " | ".join(titles) + " |", "|---|" + "---|---|" * len(SOUNDS)]
     rows: dict[str, list[str]] = {name: [] for name in names}
     for sound, (scenario, time_s) in SOUNDS.items():
@@ -72,9 +78,9 @@ def main(out: Path) -> None:
             rows[name].append(f"{-x:+.1f}, {z:+.1f} | {off[0][row]:.2f}, {off[1][row]:.2f}")
         for surface in touched[0]:
             figures = (f"{one[surface][0]:.0f}, {one[surface][1]:.2f}" for one in touched)
-            contacts.append(f"| [{sound}] | {surface} | " + " | ".join(figures) + " |")
+            contacts.append(f"| {sound} | {surface} | " + " | ".join(figures) + " |")
         scale = np.linalg.norm(moved[2], axis=1).max()
-        print(f"[{sound}]: rms {np.sqrt((off[0] ** 2).mean()):.2f}, {np.sqrt((off[1] ** 2).mean()):.2f} mm of {scale:.1f} mm")
+        print(f"{sound}: rms {np.sqrt((off[0] ** 2).mean()):.2f}, {np.sqrt((off[1] ** 2).mean()):.2f} mm of {scale:.1f} mm")
     print("\n".join([*differences, *(f"| {name} | {' | '.join(cells)} |" for name, cells in rows.items()), "", *contacts]))
 
 

@@ -2,7 +2,7 @@
 
     python studies/benchmarks/tongue_velum_implicit.py
 
-The forces, the jaw and the two bodies of velar-k-soft, held until the motion has died away. The implicit route, see
+The forces, the jaw and the two bodies of velar-k, held until the motion has died away. The implicit route, see
 ``implicit_bodies``, takes the meshes, the stress of the muscles in each hexahedron, the triangles of the bones and the attached
 patches as data; its elements, contact and solver are its own. Distances from bones are exact; those of explicitfe are smoothed
 over 0.5 mm. Prints a row for each pair of elements, explicitfe first, and takes ten minutes.

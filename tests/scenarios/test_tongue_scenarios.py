@@ -280,44 +280,39 @@ def held(done: Ran) -> Measures:
         return measures_of(result, step_at(result, HELD_S))
 
 
+@pytest.mark.parametrize("name", ["alveolar-t", "velar-k", "sequence-aka", "sequence-ata"])
+def test_a_stop_leaks_nowhere_for_as_long_as_in_speech(name, ran):
+    """Closures of stops last 60 to 130 ms."""
+    leak = ran(name).measures.leak
+    assert not leak.closed
+    assert [60.0 < closure.duration_ms < 130.0 for closure in leak.closures] == [True]
+
+
 def test_a_t_closes_behind_the_teeth_and_opens_again(ran):
-    """From side to side, at the pressure of a tongue in speech, 0.2 to 3 kPa."""
+    """A horseshoe (Gibbon, Yuen, Lee & Adams 2007), at the pressure of a tongue in speech, 0.2 to 3 kPa."""
     done = ran("alveolar-t")
     closed, released = held(done), done.measures
     palate = closed.contact["palate"]
     assert not palate.midline_free and palate.cells["centre"]["front"].area_mm2 > 0.0
     assert 0.2 < palate.peak_kPa < 3.0
-    assert closed.constriction.width_mm < 0.1 and closed.constriction.place_mm < 20.0
+    rows = closed.palatogram.now.electrodes
+    assert closed.palatogram.now.closed_rows[0] <= 2
+    for row in rows[1:5]:
+        assert row[0] and row[7]
+    assert closed.leak.closed and closed.constriction.place_mm < 20.0
     assert released.contact["palate"].area_mm2 == 0.0
 
 
-def test_a_sealed_t_touches_as_palatograms_show(ran):
-    """Gibbon, Yuen, Lee & Adams (2007): closed in front and at both sides, in each row from the second to the sixth."""
-    closed = held(ran("alveolar-t-sealed"))
-    rows = closed.palatogram.now.electrodes
-    assert all(rows[1][3:5])
-    for row in rows[1:6]:
-        assert any(row[:4]) and any(row[4:])
-    assert not any(rows[6] + rows[7])
-    assert closed.leak.over_plate_mm < 0.3
-    assert 0.2 < closed.contact["palate"].peak_kPa < 3.0
-    assert ran("alveolar-t-sealed").measures.contact["palate"].area_mm2 == 0.0
-
-
 def test_a_k_closes_at_a_velum_that_gives_way(ran):
-    """At the pressure of a tongue in speech; PG lowers the velum, the sides touch row 8. 2.8 mm2 remain open."""
-    done = ran("velar-k-soft")
+    """Where the hard palate ends, at the pressure of a tongue in speech."""
+    done = ran("velar-k")
     closed = held(done)
-    assert closed.constriction.width_mm < 0.1 and closed.constriction.place_mm > 85.0
-    assert min(section.area_mm2 for section in closed.constriction.sections if section.area_mm2 is not None) < 3.0
-    assert closed.contact["palate"].midline_free and closed.points["velum.middle"].up_mm < -0.3
-    assert [bool(on) for on in closed.palatogram.now.electrodes[7]] == [True, True, False, False, False, False, True, True]
+    assert closed.leak.closed and 55.0 < closed.leak.place_mm < 75.0
+    for row in closed.palatogram.now.electrodes[6:]:
+        assert sum(map(bool, row)) >= 4
+    assert 0.2 < closed.contact["palate"].peak_kPa < 3.0
     with open_result(done.result) as result:
-        pressed = result.field("surface_pressure", time_s=HELD_S)
-        middle = np.abs(result.mesh.points[:, Y]) < 1e-9
-        most = max(result.field("surface_pressure", time_s=time).max() for time in result.times)
-    assert 200.0 < pressed[middle].max() < pressed.max() < 3000.0
-    assert most < 1.2 * pressed.max()  # while it arrives
+        assert 200.0 < result.field("surface_pressure", time_s=HELD_S).max() < 3000.0
     assert done.measures.constriction.width_mm > 1.0
 
 

@@ -110,21 +110,6 @@ class Air:
     F3: float
     pieces: list[Piece]
 
-    def narrow_mm(self, area_mm2: float) -> float:
-        """The longest row of pieces that are no wider than an area."""
-        longest = length = 0.0
-        for piece in self.pieces:
-            length = length + piece.length_mm if piece.area_mm2 <= area_mm2 else 0.0
-            longest = max(longest, length)
-        return longest
-
-    def excess_mm2(self, area_mm2: float, length_mm: float, end_mm: tuple[float, float]) -> float:
-        """Mean area beyond one area over a part of the tract, the least of those that end so far behind the incisors."""
-        beyond = [max(piece.area_mm2 - area_mm2, 0.0) * piece.length_mm for piece in self.pieces]
-        places, sums = (np.concatenate([[0.0], np.cumsum(one)]) for one in ([piece.length_mm for piece in self.pieces], beyond))
-        ends = places[-1] - np.arange(*end_mm)
-        return float(np.min(np.interp(ends, places, sums) - np.interp(ends - length_mm, places, sums)) / length_mm)
-
 
 class Mouth:
     """The built-in tongue at a resolution.

@@ -1,328 +1,225 @@
-"""Forces and jaw openings of vowels and stops, by a search over where phonetics puts the tongue: scenarios/vowel-a.toml etc.
+"""Forces and jaw openings of vowels and stops, by a random search over what is measured of them: scenarios/vowel-a.toml etc.
 
-    python studies/benchmarks/posture_search.py [SOUND ...] [--mesh medium] [--starts 3] [--seed 1] [--out FOLDER]
+    python studies/benchmarks/posture_search.py [SOUND ...] [--mesh medium] [--seconds 120] [--seed 1] [--out FOLDER]
 
-The literature has no forces of single muscles for these sounds that could be read, so they are searched, and not tuned by hand.
+The literature has no forces of single muscles for these sounds that could be read, so they are searched.
 
-Unknowns: the force of every muscle, from 0 to 15 % of its maximum (25 % for [k], as in Liu et al. 2022), and the opening of the
-jaw within the bounds of the sound. 200 ms, ramps of 50 ms.
+Unknowns: the forces of the muscles that ``GOALS`` names, up to a quarter of their maxima, and the opening of the jaw. Vowels
+are measured at 200 ms after ramps of 50 ms, stops at 140 ms after ramps of 80 ms.
 
-Goals: bands for what is measured of the settled tongue, in ``GOALS``. Residuals are the distances from the bands, in mm or in
-what weighs as much (``UNITS``), and the effort of each muscle, so that of two postures that meet the bands the one of less
-effort is taken. A run that fails or folds an element counts as 10 mm, one that does not stand still, contact where there shall
-be none or none where it shall be as 3 mm; hourglass energy beyond 9.5 % as much as 1 mm for each 1 %.
+Residuals: distances of formants from bands, 20 Hz of F1 and 60 Hz of F2 weighing like one; electrodes that speakers touch and
+the tongue does not, and the reverse, in mm; of stops the leak beyond 0.12 mm, the gaps of the nearest of the wanted rows and
+those at the sides beyond 0.2 mm, and the pressure beyond its band, 0.3 kPa weighing like one; gaps in the midline that shall
+stay open; hourglass energy beyond 9 %; and the effort of each muscle, its share of the maximum times 1.5. A run that does not
+end counts as 140. ``--mesh both`` searches for what is right on the medium and on the fine mesh.
 
-Search: ``--tries`` postures at random on the coarse mesh, each muscle on with 30 % probability, at a share between 0.5 and 15 %
-evenly in its logarithm. From each of the best ``--starts`` of them, least squares with bounds (Levenberg, Marquardt): the
-derivatives by differences, each step the best of several lengths. The best end is the start on the mesh that was asked for.
-At the end muscles below 0.3 % are left out, forces are rounded to two digits, and each muscle in turn is left out where that
-does not raise the sum of squares by more than 0.1.
+Search: from the forces of ``GOALS``, eight variations at a time of one of the four best postures: each force times the
+exponential of a normal number, at first of 0.18, some muscles switched on or off, the jaw moved by 0.5 mm. At the end forces
+have two digits.
 
-Where the goals come from. Wood (1979), J. Phonetics 7:25-43: vowels narrow the tract at the hard palate, at the soft palate, in
-the upper or in the lower pharynx; that [i] and [e] belong to the first, [u] to the second and [a] to the last is phonetics'
-common ground, and the open, mid and closed jaw too, and a tip that stays low. Gibbon, Lee & Yuen (2010): in [i] the sides touch
-the palate and the centre is free. Stops close the tract: [t] behind the teeth, [k] at the soft palate, with the pressure of
-tongues in speech, 0.2 to 3 kPa. The widths of the bands in mm are choices of this project.
+Where the goals come from. F1 and F2: Peterson & Barney (1952), means of men and women. Electrodes of [i]: in rows from the
+back 7 6 4 4 3 2 1 0, 27 in the mean of speakers. Stops: Gibbon, Yuen, Lee & Adams (2007), closed in front and at both sides;
+[k] fills the last row; pressures of tongues in speech, 0.2 to 3 kPa.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
-from collections.abc import Sequence
+import time
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
-from mouth import Air, Mouth, Posture, Settled
-from scipy.optimize import lsq_linear
+from mouth import Mouth, Posture, Settled
+
+from explicitfe.fem.mesh.triangles import corners_of, surface_triangles
+from explicitfe.results.measure.electrodes import ELECTRODE_COLUMNS, HARD_PALATE_M, Electrodes, electrodes
+from explicitfe.results.measure.leak import Leak, gaps_below, leak_in
+from explicitfe.results.measure.roof_grid import OnTriangles, RoofGrid, clearance, roof_grid, surface_samples
+from explicitfe.results.measure.tract import palate_midline
 
 ROOT = Path(__file__).resolve().parents[2]
-LARGEST_SHARE, SMALLEST_SHARE = 0.15, 0.005  # of a muscle's maximum
-ON_PROBABILITY = 0.3
-LEFT_OUT_SHARE = 0.003
-LEFT_OUT_LOSS = 0.1  # a muscle that is worth less than this is left out: 0.3 mm from a band
-EFFORT = 2.6  # residual of a muscle at its maximum: at 15 % it weighs as much as 0.4 mm
-DIFFERENCE_SHARE, DIFFERENCE_MM = 0.003, 0.2  # for the derivatives
-DAMPING = (0.01, 0.1, 1.0, 10.0)  # of the steps that are tried together, in units of the scaled unknowns
-ROUNDS = 15  # most steps from a start
-LEAST_PROGRESS = 0.01  # of the sum of squares, below which a search ends
-# A run warns of hourglass energy from 10 % on; so much more of it weighs like a mm.
-MOST_HOURGLASS, HOURGLASS_PER_MM = 0.095, 0.01
-# The narrow part of [i], a choice (Fant 1960, X-ray areas: 50 to 95 mm2 over 30 mm): area, length, and where it ends.
-NARROW_MM2, NARROW_MM, NARROW_END_MM = 34.0, 41.0, (12.0, 40.0)
-CLOSED = 3.0  # how far from its bands, in their units, a formant is that a closed tract does not have
-WRONG = 3.0  # residual of contact where there shall be none, or none where it shall be, and of what still moves
-REFUSED = 10.0  # residual of a posture that cannot be used
+LARGEST_SHARE = 0.25  # of a muscle's maximum
+REFUSED = 140.0  # loss of a posture whose run does not end
+SAMPLES_TRIED = 4  # of the tongue, nearest to a point
+CANDIDATES, KEPT = 8, 4
+JAW_STEP_MM = 0.5
+HOURGLASS_SHARE = 0.09
 
 
 @dataclass(frozen=True)
 class Goal:
-    """Where the tongue of a sound shall settle.
+    """What a sound asks for.
 
     Attributes
     ----------
-    jaw_mm : bounds of the opening.
-    bands : measure -> smallest and largest value. ``teeth``, ``hard palate``, ``soft palate``: midsagittal gap, mm; ``forward``,
-        ``up``: of the highest point against rest, mm; ``tip up``, ``root back``: mm; ``place``: of the narrowest place along the
-        palate, mm; ``pressure``: highest on the palate, kPa; ``F1``, ``F2``: Hz; ``area``: of the narrowest section, mm2;
-        ``narrow``: length of the tract that is no wider than 35 mm2, mm; ``excess``: mean area beyond that over the
-        40 mm that are narrowest, of those that end 12 to 40 mm behind the incisors, mm2.
-    sides : whether both sides shall touch the palate; None where that is left open.
-    midline_free : whether the midline shall be free of the palate.
-    muscles : those that may pull; all if left out.
-    largest_share : of a muscle's maximum, with which it may pull.
-    lips : their opening in mm2 and length in mm; None asks for no formants.
+    start : forces in N from which the search begins; their muscles are those that may pull, with ``more``.
+    jaw_mm : opening at the start; ``bounds_mm`` of it.
+    lips : opening in mm2 and length in mm; None asks for no formants.
+    F1, F2 : bands, Hz.
+    touched : number of electrodes in each row from the front, half of them from each side; None asks for none.
+    rows : rows (from 0) of which one shall be complete; a stop has them.
+    sides_mm : between these places along the midline the sides of a stop shall touch.
+    kPa : band of the largest pressure of a stop.
+    open_mm : region of ``mouth.REGIONS_MM`` -> smallest gap in the midline.
     """
 
-    jaw_mm: tuple[float, float]
-    bands: dict[str, tuple[float, float]]
-    sides: bool | None
-    midline_free: bool
-    muscles: tuple[str, ...] | None = None
-    largest_share: float = LARGEST_SHARE
+    start: dict[str, float]
+    jaw_mm: float
+    bounds_mm: tuple[float, float]
+    more: tuple[str, ...] = ()
     lips: tuple[float, float] | None = None
+    F1: tuple[float, float] = (0.0, np.inf)
+    F2: tuple[float, float] = (0.0, np.inf)
+    touched: tuple[int, ...] | None = None
+    rows: tuple[int, ...] = ()
+    sides_mm: tuple[float, float] = (0.0, 0.0)
+    kPa: tuple[float, float] = (0.8, 2.5)
+    open_mm: dict[str, float] = field(default_factory=dict)
 
 
-HIGH = np.inf
-# Muscles that raise the back of the tongue, and one that flattens it: with all twelve, 200 turns found no [u] and no [k].
-RAISING = ("STY", "GGp", "MH", "VERT")
-# For [k] one that narrows it instead: without, nothing but the end of the velum was reached.
-NARROWING = ("STY", "GGp", "MH", "TRANS")
-# Measures that are not mm or kPa: how much of them weighs as much as 1 mm.
-UNITS = {"F1": 30.0, "F2": 100.0, "area": 10.0, "narrow": 5.0, "excess": 5.0, "place": 5.0}
 GOALS = {
-    "i": Goal(
-        (-4.0, 1.0),
-        {"F1": (0.0, 300.0), "F2": (2350.0, HIGH), "area": (16.0, 34.0), "excess": (0.0, 0.0),
-         "teeth": (1.5, HIGH), "tip up": (-HIGH, 3.0)},
-        sides=True,
-        midline_free=True,
-        lips=(250.0, 5.0),
-    ),
-    "e": Goal(
-        (0.0, 4.0),
-        {"F1": (370.0, 450.0), "F2": (1950.0, HIGH), "teeth": (3.0, HIGH), "tip up": (-HIGH, 1.0)},
-        sides=None,
-        midline_free=True,
-        lips=(200.0, 8.0),
-    ),
-    "a": Goal(
-        (7.0, 12.0),
-        {"F1": (720.0, 830.0), "F2": (1120.0, 1210.0), "hard palate": (10.0, HIGH)},
-        sides=False,
-        midline_free=True,
-        lips=(450.0, 10.0),
-    ),
-    "o": Goal(
-        (2.0, 7.0),
-        {"F1": (430.0, 570.0), "F2": (700.0, 900.0), "hard palate": (8.0, HIGH), "soft palate": (3.0, HIGH),
-         "tip up": (-HIGH, 1.0)},
-        sides=None,
-        midline_free=True,
-        lips=(60.0, 12.0),
-    ),
-    "u": Goal(
-        (-3.0, 1.0),
-        {"F1": (0.0, 340.0), "F2": (650.0, 850.0), "place": (60.0, 92.0), "soft palate": (1.5, HIGH), "teeth": (8.0, HIGH),
-         "tip up": (-HIGH, 1.0)},
-        sides=None,
-        midline_free=True,
-        lips=(15.0, 15.0),
-    ),
-    "t": Goal(
-        (-4.0, 0.0),
-        {"teeth": (0.0, 0.0), "place": (0.0, 20.0), "hard palate": (2.5, HIGH), "pressure": (1.0, 2.5)},
-        sides=True,
-        midline_free=False,
-        muscles=("SL", "GGm"),
-    ),
-    "k": Goal(
-        (-2.0, 4.0),
-        {"soft palate": (0.0, 0.0), "place": (50.0, 90.0), "root back": (-HIGH, 8.0), "teeth": (5.5, HIGH),
-         "pressure": (0.8, 2.7), "tip up": (-HIGH, 2.0)},
-        sides=True,
-        midline_free=False,
-        muscles=NARROWING,
-        largest_share=0.25,
-    ),
+    "i": Goal({"GGp": 4.0, "GGh": 1.8, "STY": 3.0, "TRANSa": 0.9, "TRANSm": 1.6, "TRANSp": 1.0, "VERTa": 0.4, "MH": 2.5}, -3.5,
+              (-5.0, 1.0), ("IL", "SL"), (250.0, 5.0), (0.0, 305.0), (2250.0, 2450.0), (0, 0, 0, 2, 4, 6, 6, 6),
+              open_mm={"teeth": 1.5}),
+    "e": Goal({"GGp": 1.4, "GGh": 0.4, "TRANSm": 0.7}, 1.0, (0.0, 4.0), ("STY", "IL"), (200.0, 8.0), (390.0, 470.0),
+              (1900.0, 2200.0), open_mm={"teeth": 3.0}),
+    "a": Goal({"HG": 5.0, "STY": 1.1, "GGm": 0.3}, 7.0, (4.0, 12.0), ("VERTm", "PG"), (450.0, 10.0), (715.0, 845.0),
+              (1120.0, 1230.0), open_mm={"teeth": 5.0, "soft palate": 3.5}),
+    "o": Goal({"HG": 8.0, "STY": 1.5, "TRANSm": 0.3, "IL": 0.3}, 2.0, (1.0, 7.0), ("GGa",), (60.0, 12.0), (500.0, 600.0),
+              (780.0, 920.0), open_mm={"teeth": 5.0, "soft palate": 2.5}),
+    "u": Goal({"GGp": 2.1, "IL": 0.9, "STY": 2.1, "TRANSm": 0.5, "TRANSa": 0.2, "HG": 0.5}, -0.5, (-3.0, 2.0), ("MH", "PG"),
+              (28.0, 20.0), (0.0, 340.0), (650.0, 890.0), (0, 0, 0, 0, 0, 0, 2, 4), open_mm={"teeth": 6.0}),
+    "t": Goal({"GGm": 2.9, "GGp": 0.8, "GGh": 0.4, "TRANSm": 4.2, "VERTa": 1.2}, -2.0, (-5.0, 0.0), ("SL", "MH", "TRANSa", "PG"),
+              rows=(0, 1), sides_mm=(16.0, 60.0), open_mm={"soft palate": 4.0}),
+    "k": Goal({"STY": 2.1, "TRANSm": 3.8, "TRANSp": 0.9, "GGp": 1.3, "MH": 2.4, "PG": 0.6}, -2.3, (-4.0, 4.0),
+              ("TRANSa", "GGm", "VERTa"), rows=(7,), sides_mm=(60.0, 75.0), open_mm={"teeth": 4.0}),
 }  # fmt: skip
 
 
-def measured(settled: Settled, air: Air | None) -> dict[str, float]:
-    """The measures that bands are for; a closed tract has no formants."""
-    forward, up = settled.highest_mm
-    acoustic = {"F1": np.nan, "F2": np.nan, "area": 0.0, "narrow": 0.0, "excess": np.nan}
-    if air is not None:
-        smallest = min(piece.area_mm2 for piece in air.pieces)
-        acoustic = {"F1": air.F1, "F2": air.F2, "area": smallest, "narrow": air.narrow_mm(NARROW_MM2)}
-        acoustic["excess"] = air.excess_mm2(NARROW_MM2, NARROW_MM, NARROW_END_MM)
-    return (
-        settled.gap_mm
-        | acoustic
-        | {
-            "forward": forward,
-            "up": up,
-            "tip up": settled.tip_mm[1],
-            "root back": settled.root_back_mm,
-            "place": settled.narrowest_mm,
-            "pressure": settled.peak_kPa,
-        }
-    )
+class Roof:
+    """What is measured on the palate of a mouth."""
+
+    def __init__(self, mouth: Mouth) -> None:
+        self.mouth, self.palate = mouth, corners_of(mouth.palate.points, mouth.palate.triangles)
+        line = palate_midline(self.palate, 0.0)
+        at = None if line is None else electrodes(line, self.palate, 0.0, HARD_PALATE_M)
+        grid = roof_grid(self.palate, 0.0)
+        assert at is not None and grid is not None
+        self.at: Electrodes = at
+        self.grid: RoofGrid = grid
+        self.points = grid.points.at(self.palate)
+        self.samples: OnTriangles = surface_samples(surface_triangles(mouth.mesh, mouth.mesh.points)[0])
+
+    def electrode_gaps_mm(self, settled: Settled) -> np.ndarray:
+        """Signed distances (62,) of the electrodes from the tongue."""
+        return 1e3 * clearance(self.at.position, self._tongue(settled), self.samples, SAMPLES_TRIED)[0]
+
+    def leak(self, settled: Settled) -> tuple[Leak, np.ndarray]:
+        """The leak, and the smallest gap of each row of the grid outside of a third of its width, mm."""
+        gaps = gaps_below(self.points, self._tongue(settled), self.samples, self.grid.to_border)
+        by_row = 1e3 * gaps.reshape(self.grid.side.shape)
+        middle = by_row.shape[1] // 2
+        return leak_in(self.grid, self.points, gaps), by_row[:, middle + middle // 3 :].min(axis=1)
+
+    def _tongue(self, settled: Settled) -> np.ndarray:
+        return surface_triangles(self.mouth.mesh, self.mouth.mesh.points + settled.displacement)[0]
 
 
 @lru_cache(maxsize=2)
-def mouth_of(mesh: str) -> Mouth:
-    """The mouth of a resolution, once in each process."""
-    return Mouth(mesh)
+def roof_of(mesh: str) -> Roof:
+    """The mouth of a resolution and its roof, once in each process."""
+    return Roof(Mouth(mesh))
 
 
-@dataclass(frozen=True)
-class Search:
-    """One search: unknowns (muscles + 1,) are the shares of the maxima and the opening in mm."""
-
-    mesh: str
-    goal: Goal
-
-    @property
-    def mouth(self) -> Mouth:
-        return mouth_of(self.mesh)
-
-    @property
-    def muscles(self) -> list[str]:
-        return list(self.mouth.maxima_N)
-
-    @property
-    def named(self) -> np.ndarray:
-        """Muscles (m,) that the goal names: they are on in every random posture."""
-        return np.isin(self.muscles, self.goal.muscles or ())
-
-    @property
-    def bounds(self) -> tuple[np.ndarray, np.ndarray]:
-        """Smallest and largest unknowns."""
-        barred = ~self.named & (self.goal.muscles is not None)
-        low, high = self.goal.jaw_mm
-        return np.append(np.zeros(len(barred)), low), np.append(np.where(barred, 0.0, self.goal.largest_share), high)
-
-    def posture(self, unknowns: np.ndarray) -> Posture:
-        forces_N = {name: share * self.mouth.maxima_N[name] for name, share in zip(self.muscles, unknowns, strict=False) if share}
-        return Posture(forces_N, float(unknowns[-1]))
-
-    def seen(self, unknowns: np.ndarray, settled: Settled) -> dict[str, float]:
-        """The measures of a posture."""
-        asked = self.goal.lips is not None and settled.whole
-        return measured(settled, self.mouth.air(self.posture(unknowns), settled, self.goal.lips) if asked else None)
-
-    def residual(self, unknowns: np.ndarray) -> np.ndarray:
-        """How far a posture is from each band, mm or what weighs as much; what it should not do; the effort of each muscle."""
-        settled = self.mouth.settle(self.posture(unknowns))
-        wrong_contact = settled.midline_free != self.goal.midline_free or (
-            self.goal.sides is not None and (settled.left and settled.right) != self.goal.sides
-        )
-        seen = self.seen(unknowns, settled)
-        off = []
-        for name, (low, high) in self.goal.bands.items():
-            beyond = max(seen[name] - high, 0.0) - max(low - seen[name], 0.0)
-            off.append(beyond / UNITS.get(name, 1.0) if np.isfinite(beyond) else CLOSED)
-        off += [max(0.0, settled.hourglass_share - MOST_HOURGLASS) / HOURGLASS_PER_MM, WRONG * wrong_contact]
-        refused = [REFUSED * (not settled.whole), WRONG * (not settled.settled)]
-        return np.concatenate([off, refused, EFFORT * unknowns[:-1]])
-
-    def random(self, generator: np.random.Generator) -> np.ndarray:
-        low, high = self.bounds
-        shares = np.exp(generator.uniform(np.log(SMALLEST_SHARE), np.log(self.goal.largest_share), len(low) - 1))
-        shares[(generator.random(len(shares)) > ON_PROBABILITY) & ~self.named] = 0.0
-        return np.append(np.minimum(shares, high[:-1]), generator.uniform(low[-1], high[-1]))
+def beyond(value: float, band: tuple[float, float]) -> float:
+    return max(value - band[1], 0.0) - max(band[0] - value, 0.0)
 
 
-def lowest(search: Search, begin: np.ndarray, pool: ProcessPoolExecutor) -> tuple[np.ndarray, float]:
-    """Least squares with bounds from a posture: unknowns and sum of squares."""
-    low, high = search.bounds
-    free = np.flatnonzero(high > low)
-    step = np.append(np.full(len(low) - 1, DIFFERENCE_SHARE), DIFFERENCE_MM)
-    scale = (high - low)[free]
-    best = begin
-    (residual,) = residuals(search, [best], pool)
-    for _ in range(ROUNDS):
-        ways = np.where(best + step > high, -step, step)
-        moved = [best + ways * (np.arange(len(best)) == number) for number in free]
-        slopes = np.column_stack(
-            [(one - residual) / ways[number] for one, number in zip(residuals(search, moved, pool), free, strict=True)]
-        )
+def posture_of(sound: str, unknowns: np.ndarray) -> Posture:
+    """A posture from the forces in N of the muscles of a sound, and the opening."""
+    names = [*GOALS[sound].start, *GOALS[sound].more]
+    forces_N = {name: float(force) for name, force in zip(names, unknowns, strict=False) if force > 0.0}
+    rise_ms, end_ms = (80.0, 140.0) if GOALS[sound].rows else (50.0, 200.0)
+    return Posture(forces_N, float(unknowns[-1]), rise_ms, end_ms)
+
+
+def loss(task: tuple[str, str, np.ndarray]) -> float:
+    """Sum of squares of a posture: sound, mesh, unknowns."""
+    sound, mesh, unknowns = task
+    if mesh == "both":
+        return loss((sound, "medium", unknowns)) + loss((sound, "fine", unknowns))
+    goal, roof = GOALS[sound], roof_of(mesh)
+    posture = posture_of(sound, unknowns)
+    settled = roof.mouth.settle(posture)
+    if settled.status != "finished":
+        return REFUSED
+    off: list[float] = [REFUSED * (settled.folded > 0), max(0.0, settled.hourglass_share - HOURGLASS_SHARE) / 0.01]
+    off += [beyond(settled.gap_mm[region], (least, np.inf)) for region, least in goal.open_mm.items()]
+    off += [1.5 * force / roof.mouth.maxima_N[name] for name, force in posture.forces_N.items()]
+    gaps = roof.electrode_gaps_mm(settled)
+    if goal.touched is not None:
+        half = np.array(goal.touched)[roof.at.row] // 2
+        wanted = (roof.at.column < half) | (roof.at.column >= ELECTRODE_COLUMNS - half)
+        missed = np.minimum(1.2 * np.maximum(0.0, gaps - 0.3), 2.5)
+        off += np.where(wanted, missed, 0.35 * np.maximum(0.0, 0.9 - gaps)).tolist()
+    if goal.lips is not None:
+        air = roof.mouth.air(posture, settled, goal.lips)
+        off += [4.0, 4.0] if air is None else [beyond(air.F1, goal.F1) / 20.0, beyond(air.F2, goal.F2) / 60.0]
+    if goal.rows:
+        leak, sides = roof.leak(settled)
+        row = min(goal.rows, key=lambda number: gaps[roof.at.row == number].max())
+        along = (1e3 * roof.grid.place >= goal.sides_mm[0]) & (1e3 * roof.grid.place <= goal.sides_mm[1])
+        off += [4.0 * max(0.0, 1e3 * leak.width_m - 0.12), beyond(settled.peak_kPa, goal.kPa) / 0.3]
+        off += (2.0 * np.maximum(0.0, gaps[roof.at.row == row] - 0.2)).tolist()
+        off += (0.7 * np.maximum(0.0, sides[along] - 0.2)).tolist()
+    return float(np.square(off).sum())
+
+
+def search(sound: str, mesh: str, seconds: float, seed: int, pool: ProcessPoolExecutor) -> tuple[float, Posture]:
+    """The best posture that is found in a time, and its sum of squares."""
+    goal, generator = GOALS[sound], np.random.default_rng(seed)
+    maxima_N = roof_of("coarse").mouth.maxima_N
+    most = LARGEST_SHARE * np.array([maxima_N[name] for name in (*goal.start, *goal.more)])
+    start = np.array([*goal.start.values(), *(0.0 for _ in goal.more), goal.jaw_mm])
+    best = [(next(iter(pool.map(loss, [(sound, mesh, start)]))), start)]
+    spread, until = 0.18, time.monotonic() + seconds
+    while time.monotonic() < until:
         tried = []
-        for damping in DAMPING:
-            matrix = np.vstack([slopes * scale, np.sqrt(damping) * np.eye(len(free))])
-            right = np.concatenate([-residual, np.zeros(len(free))])
-            limits = (low - best)[free] / scale - 1e-9, (high - best)[free] / scale + 1e-9
-            new = best.copy()
-            new[free] += scale * lsq_linear(matrix, right, limits).x
-            tried.append(np.clip(new, low, high))
-        answers = residuals(search, tried, pool)
-        number = int(np.argmin([one @ one for one in answers]))
-        before, after = residual @ residual, answers[number] @ answers[number]
-        if after < before:
-            best, residual = tried[number], answers[number]
-        if after > (1.0 - LEAST_PROGRESS) * before:
-            break
-    return best, float(residual @ residual)
-
-
-def residuals(search: Search, postures: Sequence[np.ndarray], pool: ProcessPoolExecutor) -> list[np.ndarray]:
-    return list(pool.map(search.residual, postures))
-
-
-def rounded(search: Search, unknowns: np.ndarray, pool: ProcessPoolExecutor) -> tuple[np.ndarray, float]:
-    """Forces with two digits, the opening in halves of a millimetre, muscles of no use left out; and the sum of squares."""
-    maxima = np.array(list(search.mouth.maxima_N.values()))
-    shares = np.where(unknowns[:-1] < LEFT_OUT_SHARE, 0.0, unknowns[:-1])
-    final = np.append([float(f"{force:.2g}") for force in shares * maxima], 0.5 * np.round(2.0 * unknowns[-1]))
-    final[:-1] /= maxima
-    (residual,) = residuals(search, [final], pool)
-    loss = float(residual @ residual)
-    while np.any(final[:-1] > 0.0):
-        fewer = [np.where(np.arange(len(final)) == number, 0.0, final) for number in np.flatnonzero(final[:-1] > 0.0)]
-        losses = [float(one @ one) for one in residuals(search, fewer, pool)]
-        if min(losses) >= loss + LEFT_OUT_LOSS:
-            break
-        final, loss = fewer[int(np.argmin(losses))], min(losses)
-    return final, loss
+        for _ in range(CANDIDATES):
+            one = best[min(len(best) - 1, int(generator.exponential(0.8)))][1].copy()
+            forces = one[:-1] * np.exp(spread * generator.normal(size=len(most)))
+            forces += (generator.random(len(most)) < 0.12) * generator.uniform(0.0, 0.08 * most)
+            forces[generator.random(len(most)) < 0.04] = 0.0
+            one[:-1] = np.clip(forces, 0.0, most)
+            one[-1] = np.clip(one[-1] + JAW_STEP_MM * generator.normal(), *goal.bounds_mm)
+            tried.append(one)
+        best += zip(pool.map(loss, [(sound, mesh, one) for one in tried]), tried, strict=True)
+        best = sorted(best, key=lambda pair: pair[0])[:KEPT]
+        spread = max(0.06, 0.99 * spread)
+    posture = posture_of(sound, best[0][1])
+    rounded = {name: float(f"{force:.2g}") for name, force in posture.forces_N.items() if force > 0.02}
+    return best[0][0], Posture(rounded, round(2.0 * posture.opening_mm) / 2.0, posture.rise_ms, posture.duration_ms)
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("sounds", nargs="*", default=list(GOALS))
-    parser.add_argument("--tries", type=int, default=100)
-    parser.add_argument("--starts", type=int, default=3)
+    parser.add_argument("--mesh", default="medium", help="coarse, medium, fine or both (medium and fine)")
+    parser.add_argument("--seconds", type=float, default=120.0)
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--mesh", default="medium")
     parser.add_argument("--processes", type=int, default=2)
     parser.add_argument("--out", type=Path, default=ROOT / "outputs" / "postures")
     arguments = parser.parse_args()
     arguments.out.mkdir(parents=True, exist_ok=True)
     with ProcessPoolExecutor(arguments.processes) as pool:
         for sound in arguments.sounds:
-            coarse, search = Search("coarse", GOALS[sound]), Search(arguments.mesh, GOALS[sound])
-            generator = np.random.default_rng(arguments.seed)
-            postures = [coarse.random(generator) for _ in range(arguments.tries)]
-            losses = [float(one @ one) for one in residuals(coarse, postures, pool)]
-            print(f"[{sound}] best of {len(postures)} at random: {min(losses):.1f}", flush=True)
-            ends = []
-            for number in np.argsort(losses)[: arguments.starts]:
-                ends.append(lowest(coarse, postures[number], pool))
-                print(f"  {losses[number]:.1f} -> {ends[-1][1]:.2f}", flush=True)
-            best, _ = min(ends, key=lambda end: end[1])
-            if arguments.mesh != "coarse":
-                best, _ = lowest(search, best, pool)
-            best, loss = rounded(search, best, pool)
-            posture = search.posture(best)
-            settled = search.mouth.settle(posture)
-            forces_N = {name: round(float(force), 6) for name, force in posture.forces_N.items()}
-            seen = {name: round(value, 2) for name, value in search.seen(best, settled).items()}
-            print(f"  sum of squares {loss:.3f}: {forces_N} N, jaw {posture.opening_mm} mm")
-            print(f"  {seen}, sides {settled.left and settled.right}, midline free {settled.midline_free}", flush=True)
-            answer = {"sound": sound, "loss": loss, "forces_N": forces_N, "opening_mm": posture.opening_mm, "measures": seen}
+            value, posture = search(sound, arguments.mesh, arguments.seconds, arguments.seed, pool)
+            print(f"[{sound}] sum of squares {value:.2f}: {posture.forces_N} N, jaw {posture.opening_mm} mm", flush=True)
+            answer = {"sound": sound, "loss": value, "forces_N": posture.forces_N, "opening_mm": posture.opening_mm}
             (arguments.out / f"{sound}.json").write_text(json.dumps(answer, indent=1), encoding="utf-8")
 
 

@@ -17,7 +17,6 @@ from pathlib import Path
 import numpy as np
 
 from explicitfe.fem.bones.surface import TriangleSurface
-from explicitfe.fem.mesh.self_contact import self_penetration
 from explicitfe.fem.mesh.triangles import surface_triangles
 from explicitfe.fem.mesh.validity import certify
 from explicitfe.fem.model.fibre_stress import fibre_stress, outside_pull
@@ -28,11 +27,8 @@ from explicitfe.fem.solve.simulation import Simulation
 from explicitfe.fem.solve.transient import Transient
 from explicitfe.platform.errors import RunError
 from explicitfe.results.measure.airway import bounds_of_air
-from explicitfe.results.measure.contact import MIDLINE_BAND_M
 from explicitfe.results.measure.formants import Piece, formants_of, joined, pieces_between
-from explicitfe.results.measure.motion import has_settled
-from explicitfe.results.measure.sections import PlaneCut, X, Y, Z, midsagittal
-from explicitfe.results.measure.shape import summit
+from explicitfe.results.measure.sections import PlaneCut, X, Z, midsagittal
 from explicitfe.results.measure.tract import palate_midline
 from explicitfe.simulate.anatomy import catalogue
 from explicitfe.simulate.anatomy.bones import bones_of, jaw_motion
@@ -45,8 +41,6 @@ SAMPLE_EVERY_S = 0.02  # for the energy balance
 # Regions along the midline of the palate, mm behind the edge of the upper incisors: behind the teeth, the hard palate, and the
 # soft palate, whose front end is put where the palate begins to fall (x = 103 mm): a choice.
 REGIONS_MM = {"teeth": (0.0, 22.0), "hard palate": (22.0, 60.0), "soft palate": (60.0, 88.0)}
-# The root is measured between these heights, mm: from above the hyoid bone up to where the velum hangs at rest.
-ROOT_MM = (75.0, 100.0)
 
 
 @dataclass(frozen=True)
@@ -67,38 +61,17 @@ class Settled:
     ----------
     status : "finished", or why the run could not go on.
     displacement : (n, 3) m at the end.
-    settled, balance_error, hourglass_share, folded, through_itself : as ``explicitfe run`` tells them.
+    hourglass_share, folded : as ``explicitfe run`` tells them.
     gap_mm : region of ``REGIONS_MM`` -> smallest midsagittal distance of tongue and palate there.
-    narrowest_mm : where along the palate the tongue comes nearest.
-    highest_mm : (2,) of the top of the midsagittal outline, forward of and above that at rest.
-    tip_mm : (2,) the way of the tip, forward and up.
-    root_back_mm : how far the root has come back at most.
-    left, right : whether the left and the right third of the palate are touched.
-    midline_free : whether no node within 3 mm of the midsagittal plane touches the palate.
     peak_kPa : highest pressure on the palate.
     """
 
     status: str
     displacement: np.ndarray
-    settled: bool
-    balance_error: float
     hourglass_share: float
     folded: int
-    through_itself: int
     gap_mm: dict[str, float]
-    narrowest_mm: float
-    highest_mm: tuple[float, float]
-    tip_mm: tuple[float, float]
-    root_back_mm: float
-    left: bool
-    right: bool
-    midline_free: bool
     peak_kPa: float
-
-    @property
-    def whole(self) -> bool:
-        """Whether a posture can be measured: the run has ended and has no folded element."""
-        return self.status == "finished" and self.folded == 0 and self.balance_error < 1e-3
 
 
 @dataclass(frozen=True)
@@ -207,30 +180,16 @@ class Mouth:
         except RunError:
             assert transient.status is not None
             status = transient.status.state
-        u, speed = sample.displacement, np.linalg.norm(sample.velocity, axis=1)
+        u = sample.displacement
         pressure = sample.contact_pressure[[bone.name for bone in model.bones].index("palate")]
-        touching = (self.mesh.points + u)[pressure > 0.0]
-        half = 1.0 / 3.0 * np.abs(self.palate.points[:, Y]).max()
-        rest, now = (self._outline.at(points)[self._loop][:, [X, Z]] for points in (self.mesh.points, self.mesh.points + u))
+        now = self._outline.at(self.mesh.points + u)[self._loop][:, [X, Z]]
         places, gaps = self.midline[:, 0], 1e3 * distances(self.midline[:, 1:], now)
-        tip = 1e3 * self.mesh.at(self.mesh.named_points["tip"], u)[0]
-        top = 1e3 * (summit(now) - summit(rest))
         return Settled(
             status=status,
             displacement=u,
-            settled=has_settled(float(speed.max()), float(np.linalg.norm(u, axis=1).max())),
-            balance_error=ledger.balance_error,
             hourglass_share=ledger.hourglass_share,
             folded=certify(self.mesh.points + u, self.mesh.hexes).folded_count,
-            through_itself=self_penetration(self.mesh, u).count,
             gap_mm={name: float(gaps[(places >= low) & (places < high)].min()) for name, (low, high) in REGIONS_MM.items()},
-            narrowest_mm=float(places[gaps.argmin()]),
-            highest_mm=(-float(top[0]), float(top[1])),
-            tip_mm=(-float(tip[X]), float(tip[Z])),
-            root_back_mm=1e3 * root_back(rest, now),
-            left=bool(np.any(touching[:, Y] < -half)),
-            right=bool(np.any(touching[:, Y] > half)),
-            midline_free=not np.any(np.abs(touching[:, Y]) < MIDLINE_BAND_M),
             peak_kPa=1e-3 * float(pressure.max(initial=0.0)),
         )
 
@@ -244,18 +203,3 @@ def distances(points: np.ndarray, outline: np.ndarray) -> np.ndarray:
     share = np.clip(np.einsum("kmi,mi->km", offset, along) / np.einsum("mi,mi->m", along, along), 0.0, 1.0)
     distance = np.linalg.norm(offset - share[:, :, None] * along, axis=2).min(axis=1)
     return np.where(Outline(outline).contains_points(points), 0.0, distance)
-
-
-def root_back(rest: np.ndarray, now: np.ndarray) -> float:
-    """How far the rear of an outline (m, 2), m, has come back between the heights of the root, at most."""
-    heights = 1e-3 * np.arange(*ROOT_MM, 1.0)
-
-    def rear(outline: np.ndarray) -> np.ndarray:
-        (x, z), (next_x, next_z) = outline.T, np.roll(outline, -1, axis=0).T
-        low, high = np.minimum(z, next_z), np.maximum(z, next_z)
-        crossed = (low[None] <= heights[:, None]) & (heights[:, None] <= high[None]) & (high > low)[None]
-        with np.errstate(divide="ignore", invalid="ignore"):
-            at = x + (heights[:, None] - z) / (next_z - z) * (next_x - x)
-        return np.max(np.where(crossed, at, -np.inf), axis=1)
-
-    return float(np.max(rear(now) - rear(rest)))

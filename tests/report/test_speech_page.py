@@ -28,7 +28,7 @@ from explicitfe.simulate.run.run import run
 SETTINGS = [
     "model.cells=[8,4,4]",
     "lips={table=[[0,150,10],[150,0,10],[300,0,10],[400,150,10]]}",
-    "muscle.TRANS.table=[[0,0],[50,1],[150,1],[190,0]]",
+    *(f"muscle.{name}.table=[[0,0],[50,1],[150,1],[190,0]]" for name in ("STY", "TRANSm", "TRANSp", "GGp", "MH", "PG")),
 ]
 
 
@@ -148,7 +148,7 @@ def test_contact_and_fibres_of_each_frame(stop: Path) -> None:
         assert history is not None and 10 < len(steps) < last
         np.testing.assert_array_equal(arrays["contacts"].reshape(len(steps), 62), history.on[steps])
         assert header["electrodes"][:7] == [1, 2, 3, 4, 5, 6, 8]
-        assert [muscle["name"] for muscle in header["muscles"]] == ["STY", "TRANS"]
+        assert [muscle["name"] for muscle in header["muscles"]] == ["STY", "TRANSm", "TRANSp", "GGp", "MH", "PG"]
         points = joined([CarriedPoints.of(result.mesh, line) for lines in result.fibres for line in lines])
         changes = arrays["fibres_moved"].reshape(len(steps), -1)
         moved = np.cumsum(changes, axis=0, dtype=changes.dtype).reshape(len(steps), 3, -1).transpose(0, 2, 1)

@@ -29,7 +29,7 @@ from explicitfe.simulate.anatomy import catalogue
 
 TURN_DEG, SHIFT_M = -10.0, np.array([-0.001, 0.0, -0.002])
 # How far a drawn crown may reach into the tongue at rest. The jaw in contact reaches in by up to 2.5 mm, at its attachments.
-INTO_TONGUE_MM = 0.5
+INTO_TONGUE_MM = 1.0  # the blade lies over the lower teeth, whose bone is rounded and whose drawn crowns are not
 CONTEXT_INTO_TONGUE_MM = 1.0
 TONGUE_SHIFT_M = np.array([0.003, 0.0, -0.001])
 

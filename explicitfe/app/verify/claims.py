@@ -183,7 +183,7 @@ CLAIMS = (
         allowed=0.3,
         unit="mm",
         because="two faceted surfaces that touch leave gaps of up to 0.3 mm",
-        fails="The forces were searched for these closures, and the shape of the velum is assumed.",
+        fails="The forces were searched; the shape of the velum is assumed.",
         figure=speech.closure,
         seconds=12.0,
     ),

@@ -3,8 +3,8 @@
 The roof is the underside of the bone "palate", and of a deformable velum. A grid on it reaches on both sides to the crest of the
 dental arch, or to the edge of the roof where there is no arch, and behind the hard palate to the height of the gum. What lies
 outside of that border or below it counts as closed: lips, cheeks and the pillars of the fauces are soft tissue that the model
-lacks. The gap at a point of the grid is therefore the
-distance to the nearest point of the tongue's surface, 0 inside the tongue, and at most the distance to the border.
+lacks. The gap at a point of the grid is therefore the distance to the nearest point of the tongue's surface, 0 inside the
+tongue, and at most the distance to the border.
 
 The width of the leak is the largest gap that a way from the first row of the grid to the last one keeps everywhere. Its area is
 that of the smallest open cross-section between them: the integral of the gap along the curve from the left border of the roof to
@@ -51,7 +51,8 @@ class Leak(NamedTuple):
     path : (k, 3) m. The widest way on the roof, from front to back.
     narrowest : number of the point of the path with the smallest gap.
     place_m, side_m : of that point, along the midline from the edge of the incisors, and to the right of the midsagittal plane.
-    over_plate_m, beside_molars_m : width of the widest way inside of the edge of the gum, and outside.
+    over_plate_m, beside_molars_m : width of the widest way inside of the edge of the gum, and outside, to the end of the hard
+        palate; a way beside the molars leads nowhere where the tongue touches the gum as far as that.
     """
 
     width_m: float
@@ -153,8 +154,8 @@ def leak_in(grid: RoofGrid, points: np.ndarray, gaps: np.ndarray) -> Leak:
     narrowest = int(gaps[path].argmin())
     row, column = divmod(int(path[narrowest]), grid.side.shape[1])
     over, beside = (
-        widest_path(np.where(region.ravel(), gaps, EXCLUDED_M), region.shape)[0]
-        for region in (grid.over_plate, grid.beside_molars)
+        widest_path(np.where(region, gaps.reshape(region.shape), EXCLUDED_M)[:rows].ravel(), region[:rows].shape)[0]
+        for region, rows in ((grid.over_plate, None), (grid.beside_molars, grid.hard_rows))
     )
     area = smallest_area(gaps, points, grid.side.shape)
     return Leak(width, area, points[path], narrowest, float(grid.place[row]), float(grid.side[row, column]), over, beside)

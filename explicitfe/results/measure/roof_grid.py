@@ -56,6 +56,7 @@ class RoofGrid(NamedTuple):
     to_border : (r, c) m. From the nearer end of the row along the underside, at rest.
     over_plate, beside_molars : (r, c) inside of the edge of the gum, and outside of it or in front of the electrodes; the edge
         belongs to both.
+    hard_rows : number of rows of the hard palate: behind it nothing is beside the molars.
     """
 
     points: OnTriangles
@@ -64,6 +65,7 @@ class RoofGrid(NamedTuple):
     to_border: np.ndarray
     over_plate: np.ndarray
     beside_molars: np.ndarray
+    hard_rows: int
 
 
 @kept(4)
@@ -107,7 +109,15 @@ def roof_grid(roof: np.ndarray, plane: float, hard_palate_m: float = HARD_PALATE
     flat = grid.reshape(-1, 3)
     _, triangle = clearance(flat, roof, surface_samples(roof), ROOF_SAMPLES_TRIED)
     beside = (beyond >= 0) | (places < FIRST_ROW_M)[:, None]
-    return RoofGrid(OnTriangles.of(flat, triangle, roof), places, grid[:, :, Y] - plane, to_border, beyond <= 0, beside)
+    return RoofGrid(
+        OnTriangles.of(flat, triangle, roof),
+        places,
+        grid[:, :, Y] - plane,
+        to_border,
+        beyond <= 0,
+        beside,
+        int((places <= hard_palate_m).sum()),
+    )
 
 
 def _rows_before_uvula(half_width: np.ndarray) -> int:

@@ -15,12 +15,14 @@ from opened_page import NARROW, WIDE, Opened
 from support import ROOT
 from test_run_report import unpacked
 
+from explicitfe.app.view.page.run import speech
 from explicitfe.app.view.page.run.playback import playback
 from explicitfe.app.view.page.run.speech import MOST_ACOUSTIC_SAMPLES, speech_of
 from explicitfe.app.view.page.run.write import write_report
 from explicitfe.app.view.scene.carried import CarriedPoints, joined
 from explicitfe.results.acoustics.speakers import spoken_vowels
 from explicitfe.results.files import open_result
+from explicitfe.results.measure.leak import leak_history
 from explicitfe.results.measure.palatogram import contact_history
 from explicitfe.simulate.run.run import run
 
@@ -159,11 +161,29 @@ def test_contact_and_fibres_of_each_frame(stop: Path) -> None:
             )
 
 
+def test_the_way_for_air_of_each_frame(stop: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The line begins and ends where the widest way does, and no point of it lies off that way; it says when it is closed."""
+    monkeypatch.setattr(speech, "TOUCHING_GAP_M", 3e-3)  # so coarse a tongue leaves some 2 mm open
+    with open_result(stop) as result:
+        header, arrays = unpacked(playback(result, len(result.times) - 1, share=0.03))
+        history = leak_history(result, len(result.times) - 1)
+        assert history is not None
+        steps = [int(np.argmin(np.abs(1e3 * result.times - time))) for time in arrays["times"]]
+        ways = [history.way(step) for step in steps]
+    drawn = arrays["leak"].reshape(len(steps), header["leak"], 3)
+    np.testing.assert_array_equal(arrays["leak_closed"] == 1, [way.width_m <= 3e-3 for way in ways])
+    assert 0 < arrays["leak_closed"].sum() < len(steps)
+    for line, way in zip(drawn, ways, strict=True):
+        np.testing.assert_allclose(line[[0, -1]], 1e3 * way.path[[0, -1]], atol=1e-3)
+        apart = np.linalg.norm(line[:, None] - 1e3 * way.path[None], axis=2).min(axis=1)
+        assert apart.max() <= 0.51 * 1e3 * np.linalg.norm(np.diff(way.path, axis=0), axis=1).max()
+
+
 def test_the_closed_samples_have_no_formants(stop: Path) -> None:
     with open_result(stop) as result:
-        speech = speech_of(result, len(result.times) - 1)
-    assert speech is not None and len(speech.times_ms) == MOST_ACOUSTIC_SAMPLES and speech.times_ms[-1] == pytest.approx(400.0)
-    for time, formants in zip(speech.times_ms, speech.formants_hz, strict=True):
+        heard = speech_of(result, len(result.times) - 1)
+    assert heard is not None and len(heard.times_ms) == MOST_ACOUSTIC_SAMPLES and heard.times_ms[-1] == pytest.approx(400.0)
+    for time, formants in zip(heard.times_ms, heard.formants_hz, strict=True):
         assert (formants is None) == (150.0 <= time <= 300.0)
 
 

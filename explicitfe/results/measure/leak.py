@@ -70,6 +70,14 @@ class Leak(NamedTuple):
         return self.width_m <= TOUCHING_GAP_M
 
 
+class Way(NamedTuple):
+    """The widest way: its width ``width_m``, the area ``area_m2`` of the smallest cross-section, its points ``path`` (k, 3) m."""
+
+    width_m: float
+    area_m2: float
+    path: np.ndarray
+
+
 class LeakHistory:
     """The leak at stored samples up to a step, whose ``times_s`` are (t,); one sample takes about 20 ms."""
 
@@ -84,9 +92,9 @@ class LeakHistory:
         points, tongue = self._surfaces(step)
         return leak_in(self._grid, points, gaps_below(points, tongue, self._samples, self._grid.to_border))
 
-    def size(self, step: int) -> tuple[float, float]:
-        """Width m and area m2 of the leak at a step."""
-        return _size(*self._surfaces(step), self._samples, self._grid.to_border)
+    def way(self, step: int) -> Way:
+        """The widest way at a step."""
+        return _way(*self._surfaces(step), self._samples, self._grid.to_border)
 
     @property
     def width_m(self) -> np.ndarray:
@@ -105,7 +113,7 @@ class LeakHistory:
 
     @cached_property
     def _sizes(self) -> np.ndarray:
-        return np.array([self.size(step) for step in range(len(self.times_s))])
+        return np.array([self.way(step)[:2] for step in range(len(self.times_s))])
 
     def _surfaces(self, step: int) -> tuple[np.ndarray, np.ndarray]:
         """Points (n, 3) m of the grid, and triangles (m, 3 corners, 3) m of the tongue."""
@@ -168,9 +176,10 @@ def gaps_below(points: np.ndarray, tongue: np.ndarray, samples: OnTriangles, to_
 
 
 @kept(1024)  # a report measures the same samples several times
-def _size(points: np.ndarray, tongue: np.ndarray, samples: OnTriangles, to_border: np.ndarray) -> tuple[float, float]:
+def _way(points: np.ndarray, tongue: np.ndarray, samples: OnTriangles, to_border: np.ndarray) -> Way:
     gaps = gaps_below(points, tongue, samples, to_border)
-    return widest_path(gaps, to_border.shape)[0], smallest_area(gaps, points, to_border.shape)
+    width, path = widest_path(gaps, to_border.shape)
+    return Way(width, smallest_area(gaps, points, to_border.shape), points[path])
 
 
 def widest_path(gaps: np.ndarray, shape: tuple[int, ...]) -> tuple[float, np.ndarray]:

@@ -14,7 +14,7 @@ from typing_extensions import TypedDict
 from explicitfe.app.view.context import context_of
 from explicitfe.app.view.mouth import Teeth, drawn_bones, is_mouth, teeth_of
 from explicitfe.app.view.page.run.packed import Packed
-from explicitfe.app.view.page.run.speech import fibre_points, pack_contact, pack_muscles
+from explicitfe.app.view.page.run.speech import fibre_points, pack_contact, pack_leak, pack_muscles
 from explicitfe.app.view.page.run.tool import tool_of
 from explicitfe.app.view.smooth import SmoothSurface
 from explicitfe.fem.mesh.hexmesh import FACES, HexMesh, free_faces
@@ -95,6 +95,7 @@ def playback(result: Result, last: int, share: float = 1.0) -> str:
         "indentation": (1e3 * result.history("indentation")[steps]).tolist() if is_loaded else None,
         "outline_box": _outline_box(cut, mesh, moved, nodes, bones if is_mouth(result) else []),
         "electrodes": pack_contact(packed, result, steps) if is_mouth(result) else None,
+        "leak": pack_leak(packed, result, steps),
         "muscles": pack_muscles(packed, result, steps, rounding_mm),
         "rounding_mm": rounding_mm,
         # A tissue surface is smooth; a specimen has edges, which are seen only where faces stay flat.

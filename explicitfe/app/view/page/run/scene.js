@@ -228,6 +228,7 @@ const Playback = (() => {
       this.addContext();
       this.addPoints();
       this.addFibres();
+      this.addLeak();
       this.frameAll();
     }
 
@@ -382,6 +383,28 @@ const Playback = (() => {
       }
     }
 
+    // The widest way for air along the roof of the mouth, in front of everything.
+    addLeak() {
+      const { leak } = this.body.data;
+      if (!leak) return;
+      this.leakPlaces = new THREE.BufferAttribute(new Float32Array(3 * leak), 3);
+      const geometry = new THREE.BufferGeometry();
+      geometry.setIndex(Array.from({ length: 2 * (leak - 1) }, (_, k) => (k + 1) >> 1));
+      geometry.setAttribute("position", this.leakPlaces);
+      this.leak = new THREE.LineSegments(geometry, new THREE.LineBasicMaterial({ transparent: true, depthTest: false }));
+      this.leak.renderOrder = 3;
+      this.leak.frustumCulled = false;
+      this.scene.add(this.leak);
+    }
+
+    moveLeak() {
+      if (!this.leak) return;
+      const { arrays, leak } = this.body.data, frame = Math.round(this.body.frame);
+      this.leakPlaces.array.set(arrays.leak.subarray(3 * leak * frame, 3 * leak * (frame + 1)));
+      this.leakPlaces.needsUpdate = true;
+      this.leak.material.color.set(arrays.leak_closed[frame] ? "#8a8a8a" : "#0a6cff");
+    }
+
     // The middle is that of body and bones; the size is that of the body, as bones go on beyond what is of interest.
     frameAll() {
       const box = new THREE.Box3(), b = this.box();
@@ -405,7 +428,7 @@ const Playback = (() => {
       this.camera.updateProjectionMatrix();
     }
 
-    show({ cut, bones, context, rest, lines, points, muscles }) {
+    show({ cut, bones, context, rest, lines, points, muscles, leak }) {
       const half = cut && this.hasSection;
       this.parts.whole.visible = !half;
       this.parts.half.visible = this.parts.section.visible = half;
@@ -414,6 +437,7 @@ const Playback = (() => {
       for (const [, mesh] of this.bones) mesh.visible = bones;
       for (const [, mesh] of this.context) mesh.visible = context;
       for (const [, mesh] of this.points) mesh.visible = points;
+      if (this.leak) this.leak.visible = leak;
       for (const [, side, mesh] of this.fibres) mesh.visible = muscles && !(half && side === "left");
     }
 
@@ -465,6 +489,7 @@ const Playback = (() => {
         this.tool.matrixWorldNeedsUpdate = true;
       }
       this.moveFibres();
+      this.moveLeak();
       this.lamp.position.copy(this.camera.position);
       this.lamp.target.position.copy(this.controls.target);
       this.renderer.render(this.scene, this.camera);

@@ -19,12 +19,16 @@ from explicitfe.results.files import Result
 from explicitfe.results.measure.courses import FormantCourse, formants_at
 from explicitfe.results.measure.document import AirwaySection
 from explicitfe.results.measure.electrodes import ELECTRODE_COLUMNS
+from explicitfe.results.measure.leak import leak_history
 from explicitfe.results.measure.palatogram import TongueOnPalate, electrodes_of
+from explicitfe.results.measure.tract import TOUCHING_GAP_M
 
 # Formants are computed at so many samples at most: a sample takes about 0.1 s, and the rest of a page about 2 s.
 MOST_ACOUSTIC_SAMPLES = 18
 # Ellipses reach so many standard deviations from the mean: of a normal distribution, 68 % lie within.
 ELLIPSE_DEVIATIONS = 1.515
+# The path of the leak has so many points in each frame.
+LEAK_POINTS = 64
 # Numbers of the colours of the groups of speakers, of the path of the run, and of the two lines of an area function.
 GROUP_COLOURS = {"men": 0, "women": 2, "children": 4}
 PATH_COLOUR, AREA_COLOUR, COLOUR_OF_ASSUMED = 6, 0, 4
@@ -116,6 +120,24 @@ def pack_contact(packed: Packed, result: Result, steps: np.ndarray) -> list[int]
     packed.add("contacts", np.stack([tongue.contact(int(step)).on for step in steps]), "<u1")
     numbers: list[int] = (ELECTRODE_COLUMNS * at.row + at.column).tolist()
     return numbers
+
+
+def pack_leak(packed: Packed, result: Result, steps: np.ndarray) -> int | None:
+    """Add the path of the leak in each frame, and whether it is closed; returns the number of its points, None without a roof."""
+    history = leak_history(result, int(steps[-1])) if is_mouth(result) else None
+    if history is None:
+        return None
+    ways = [history.way(int(step)) for step in steps]
+    packed.add("leak", 1e3 * np.stack([_evenly(way.path, LEAK_POINTS) for way in ways]), "<f4")
+    packed.add("leak_closed", np.array([way.width_m <= TOUCHING_GAP_M for way in ways]), "<u1")
+    return LEAK_POINTS
+
+
+def _evenly(line: np.ndarray, count: int) -> np.ndarray:
+    """Points (count, 3) on a line (k, 3), equally far apart along it."""
+    length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
+    at = np.linspace(0.0, length[-1], count)
+    return np.column_stack([np.interp(at, length, along) for along in line.T])
 
 
 def fibre_points(result: Result) -> tuple[list[int], CarriedPoints] | None:

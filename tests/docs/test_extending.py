@@ -183,6 +183,14 @@ def test_an_installed_extension_is_found(user):
     assert in_folder(user, ENTRY.format(path=str(ROOT / "scenarios" / "vowel-i.toml"))).split() == ["demiray"]
 
 
+def test_an_extension_that_exits_and_prints(user):
+    """It neither ends the command without a word, nor writes into its output."""
+    (user / "leaving.py").write_text("import sys\nprint('hello')\nsys.exit(0)\n", encoding="utf-8")
+    found, _, use = ENTRY.replace('"demiray", "demiray"', '"mine", "leaving"').partition("from explicitfe.simulate")
+    code = f"{found}try:\n    from explicitfe.simulate{use.partition(chr(10))[0]}\nexcept Exception as error:\n    print(error)\n"
+    assert in_folder(user, code).strip() == "the extension mine (leaving) cannot be imported: SystemExit(0)."
+
+
 def test_the_bone_is_touched(user):
     """The plate of the page above the blade of the tongue: a run with the superior longitudinal presses on it."""
     in_folder(user, program_with("meshio.write"))

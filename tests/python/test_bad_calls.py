@@ -12,6 +12,7 @@ from explicitfe.fem.model.model import PrescribedMotion
 
 INF, NAN = float("inf"), float("nan")
 MESH = fe.box((2, 2, 2), (0.02, 0.02, 0.02))
+OTHER = fe.box((4, 4, 4), (0.02, 0.02, 0.02))
 N, M = MESH.node_count, MESH.element_count
 YEOH = fe.Yeoh(C10_Pa=1037.0, C20_Pa=486.0)
 HELD = MESH.held("x0")
@@ -185,6 +186,25 @@ BAD: dict[str, tuple[Callable[[], object], str]] = {
     "save of negative steps": (lambda: fe.save(fe.Simulation(model()), "x", duration_s=1.0, step_s=-1.0), "step_s"),
     "save in no path": (lambda: fe.save(fe.Simulation(model()), 3, duration_s=1.0), "path"),
     "bone of flat points": (lambda: fe.Bone.of_surface("b", np.zeros((4, 2)), np.zeros((1, 3), int), MESH), "points_m"),
+    "bone of triangles in halves": (
+        lambda: fe.Bone.of_surface("b", np.zeros((4, 3)), np.full((1, 3), 0.5), MESH), "triangles"
+    ),
+    "bone for no mesh": (lambda: fe.Bone.of_surface("b", np.zeros((4, 3)), np.zeros((1, 3), int), 1), "mesh"),
+    "bone with negative friction": (lambda: fe.Bone("b", None, None, friction=-1), "friction"),
+    "bone with friction as text": (lambda: fe.Bone("b", None, None, friction="1"), "friction"),
+    "bone with true damping": (lambda: fe.Bone("b", None, None, damping=True), "damping"),
+    "mass of no star": (lambda: fe.AttachedMass("m", [0], [1e308]), "mass_kg"),
+    "weight with shares of 7": (lambda: fe.HangingWeight("w", [0, 1], [3.0, 4.0], 0.01, (0, 0, -9.81)), "share"),
+    "weight with a negative share": (lambda: fe.HangingWeight("w", [0, 1], [-1.0, 2.0], 0.01, (0, 0, -9.81)), "share"),
+    "weight of a star": (lambda: fe.HangingWeight("w", [0], [1.0], 1e308, (0, 0, -9.81)), "mass_kg"),
+    "air like lead": (lambda: fe.AirDrag(quadratic_kg_m3=1e308), "quadratic_kg_m3"),
+    "law of a number": (lambda: fe.register_law(1), "register_law"),
+    "effect of a number": (lambda: fe.register_effect("one")(1), "register_effect"),
+    "sweep over bytes": (lambda: fe.sweep("vowel-i", {"muscle.GGp.force_N": b"x"}), "force_N"),
+    "points of another mesh": (lambda: MESH.at(OTHER.points_at_nodes([OTHER.node_count - 1]), np.zeros(N)), "points"),
+    "number beyond floats": (lambda: transient(duration_s=10**400), "duration_s"),
+    "relaxation with air": (lambda: fe.Relaxation(model(air=fe.AirDrag(1.0))), "air"),
+    "relaxation with contact": (lambda: fe.Relaxation(model(surfaces=fe.SurfaceContact(1e7, 0.5e-3))), "surfaces"),
     "simulation of a mesh": (lambda: fe.Simulation(MESH), "model"),
     "simulation with a short displacement": (lambda: fe.Simulation(model(), displacement=np.zeros((N - 1, 3))), "displacement"),
     "simulation with an infinite velocity": (lambda: fe.Simulation(model(), velocity=np.full((N, 3), INF)), "velocity"),

@@ -262,3 +262,10 @@ def test_a_folder_that_cannot_be_written_is_named(tmp_path):
         start(tmp_path / f"{250 * 'x'}.vtkhdf")
     with pytest.raises(InputError, match="File name too long"):
         start(tmp_path / f"{240 * 'x'}.vtkhdf")  # the result's own would do, but not what it is called until then
+
+
+def test_an_open_result_is_not_replaced(tmp_path):
+    path = write(tmp_path / "a.vtkhdf", 1)
+    with open_result(path), pytest.raises(InputError, match=r"a\.vtkhdf is open for reading, here or in another program"):
+        start(path, overwrite=True).sample(0.0, {}, {})
+    write(path, 1, overwrite=True)

@@ -17,6 +17,7 @@ from pydantic_core import PydanticCustomError
 from explicitfe.fem.inputs.bounds import check_bounds, check_fields
 from explicitfe.platform.errors import InputError, shortened
 
+FLOAT_LIMIT = float(np.finfo(float).max)  # a number that overflows in another unit is out of bounds there
 # Kind of limit -> its attribute, whether a number is within it, and what a message says.
 _LIMITS: tuple[tuple[type, str, Callable[[float, float], bool], str], ...] = (
     (Gt, "gt", operator.gt, "above {}"),
@@ -48,7 +49,7 @@ def number_like(name: str, value: object, kind: object, key: str, scale: float =
             if isinstance(rule, kind) and not is_within(scale * number, limit := float(getattr(rule, attribute))):
                 raise InputError(f"{name} = {number:g} is not possible: it must be {words.format(f'{limit / scale:g}')}.")
     try:
-        check_bounds(key, scale * number, rules)
+        check_bounds(key, float(np.clip(scale * number, -FLOAT_LIMIT, FLOAT_LIMIT)), rules)
     except PydanticCustomError as error:
         raise InputError(f"{name} = {number:g} is not possible: {(error.context or {})['reason']}.") from None
     return number
@@ -79,9 +80,12 @@ def finite_number(name: str, value: object) -> float:
     """
     if isinstance(value, bool) or not isinstance(value, Real):
         raise InputError(f"{name} must be a number, not {shortened(repr(value))}.")
-    number = float(value)
+    try:
+        number = float(value)
+    except OverflowError:  # a whole number without a float
+        number = math.inf
     if not math.isfinite(number):
-        raise InputError(f"{name} must be a finite number, not {number}.")
+        raise InputError(f"{name} must be a finite number, not {shortened(repr(value))}.")
     return number
 
 

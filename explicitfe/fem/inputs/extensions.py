@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable
+from contextlib import redirect_stdout
 from functools import cache
 from importlib.metadata import entry_points
 from typing import Literal, TypeVar
@@ -34,8 +35,10 @@ def register_law(law: type[LawT]) -> type[LawT]:
 
     Raises
     ------
-    InputError : another law has this name, or scenarios have been read already.
+    InputError : it is no law, another one has this name, or scenarios have been read already.
     """
+    if not (isinstance(law, type) and issubclass(law, Law)):
+        raise InputError(f"register_law decorates a class that is derived from Law, not {shortened(repr(law))}.")
     name = law.model_fields["law"].default
     _check(name, law, LAWS[name][0] if name in LAWS else None, "laws")
     LAWS[name] = law, sys.modules[law.__module__]
@@ -47,10 +50,12 @@ def register_effect(name: str) -> Callable[[type[EffectT]], type[EffectT]]:
 
     Raises
     ------
-    InputError : another effect has this name, or scenarios have been read already.
+    InputError : it is no effect, another one has this name, or scenarios have been read already.
     """
 
     def register(effect: type[EffectT]) -> type[EffectT]:
+        if not (isinstance(effect, type) and issubclass(effect, Effect)):
+            raise InputError(f"register_effect decorates a class that is derived from Effect, not {shortened(repr(effect))}.")
         _check(name, effect, EFFECTS.get(name), "effects")
         EFFECTS[name] = effect
         return effect
@@ -78,11 +83,13 @@ def load_installed() -> None:
     """
     for entry in entry_points(group=GROUP):
         try:
-            entry.load()
+            with redirect_stdout(sys.stderr):  # a program reads the output
+                entry.load()
         except InputError:
             raise
-        except Exception as error:
-            raise InputError(f"the extension {entry.name} ({entry.value}) cannot be imported: {error}.") from error
+        except (Exception, SystemExit) as error:  # a module that exits must not end every command
+            reason = repr(error) if isinstance(error, SystemExit) else str(error)
+            raise InputError(f"the extension {entry.name} ({entry.value}) cannot be imported: {reason}.") from error
 
 
 def complete(kind: Literal["laws", "effects"]) -> None:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from explicitfe.fem.mesh.checked_arrays import FARTHEST_POINT_M, index_array, number_array
+from explicitfe.fem.mesh.checked_arrays import FARTHEST_POINT_M, check_range, index_array, number_array
 from explicitfe.platform.errors import InputError, nearest, shortened
 from explicitfe.platform.host.kept import kept
 
@@ -155,8 +155,9 @@ class HexMesh:
 
         Raises
         ------
-        InputError : ``values`` does not have a row for each node.
+        InputError : ``values`` does not have a row for each node, or a point is of another mesh.
         """
+        check_range("at: points", points.element, self.element_count, "element")
         if np.shape(values)[:1] != (self.node_count,):
             raise InputError(f"at: values must have a row for each of {self.node_count} nodes, not the shape {np.shape(values)}.")
         corners = np.asarray(values)[self.hexes[points.element]]

@@ -6,11 +6,14 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from explicitfe.fem.inputs.argument import number_from_zero, vector
+from explicitfe.fem.inputs.argument import number_like, vector
 from explicitfe.fem.inputs.bounds import bounds_of
+from explicitfe.fem.inputs.limits import NotNegative, Positive
 from explicitfe.fem.mesh.checked_arrays import index_array, number_array
 from explicitfe.fem.model.profile import Profile
 from explicitfe.platform.errors import InputError
+
+SHARE_ROUNDING = 1e-9
 
 
 @dataclass(frozen=True)
@@ -25,7 +28,7 @@ class AttachedMass:
 
     Raises
     ------
-    InputError : an array of another shape or type, or a negative mass.
+    InputError : an array of another shape or type, or a mass that is negative or out of range.
     """
 
     name: str
@@ -36,6 +39,7 @@ class AttachedMass:
         nodes, mass_kg = _per_node("AttachedMass", "mass_kg", self.nodes, self.mass_kg)
         if mass_kg.min(initial=0.0) < 0.0:
             raise InputError(f"AttachedMass: mass_kg = {mass_kg.min():g} is not possible; a mass must be 0 or more.")
+        number_like("AttachedMass: mass_kg", float(mass_kg.max(initial=0.0)), NotNegative, "mass_g", 1e3)
         object.__setattr__(self, "nodes", nodes)
         object.__setattr__(self, "mass_kg", mass_kg)
 
@@ -87,7 +91,7 @@ class HangingWeight:
 
     Raises
     ------
-    InputError : an array of another shape or type, a mass of 0, or no gravity.
+    InputError : an array of another shape or type, shares that do not add up to 1, a number out of range, or no gravity.
     """
 
     name: str
@@ -103,9 +107,10 @@ class HangingWeight:
         gravity = vector("HangingWeight: gravity_m_s2", self.gravity_m_s2, bounds_of("acceleration_m_s2").largest)
         if not any(gravity):
             raise InputError("HangingWeight: gravity_m_s2 is zero, so strings have no direction; give the acceleration.")
-        if not number_from_zero("HangingWeight: mass_kg", self.mass_kg) > 0.0:
-            raise InputError("HangingWeight: mass_kg must be above 0.")
-        number_from_zero("HangingWeight: slack_m", self.slack_m)
+        if share.min(initial=0.0) < 0.0 or abs(share.sum() - 1.0) > SHARE_ROUNDING:
+            raise InputError(f"HangingWeight: share must be 0 or more and add up to 1, not to {share.sum():g}.")
+        number_like("HangingWeight: mass_kg", self.mass_kg, Positive, "mass_g", 1e3)
+        number_like("HangingWeight: slack_m", self.slack_m, NotNegative, "slack_mm", 1e3)
         object.__setattr__(self, "nodes", nodes)
         object.__setattr__(self, "share", share)
         object.__setattr__(self, "gravity_m_s2", np.array(gravity, dtype=float))
@@ -122,7 +127,7 @@ class AirDrag:
 
     Raises
     ------
-    InputError : a negative number.
+    InputError : a number that is negative or out of range.
     """
 
     linear_Pa_s_m: float = 0.0
@@ -130,7 +135,7 @@ class AirDrag:
 
     def __post_init__(self) -> None:
         for name in ("linear_Pa_s_m", "quadratic_kg_m3"):
-            number_from_zero(f"AirDrag: {name}", getattr(self, name))
+            number_like(f"AirDrag: {name}", getattr(self, name), NotNegative, name)
 
 
 def _per_node(kind: str, name: str, nodes: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -150,6 +150,10 @@ class Bone:
     smooth: bool = False
     damping: float = 0.5
 
+    def __post_init__(self) -> None:
+        for key in ("friction", "damping"):
+            number_like(f"Bone {self.name}: {key}", getattr(self, key), NotNegative, key)
+
     @classmethod
     def of_surface(
         cls, name: str, points_m: np.ndarray, triangles: np.ndarray, mesh: HexMesh, *, friction: float = 0.0, damping: float = 0.5
@@ -165,9 +169,12 @@ class Bone:
 
         Raises
         ------
-        InputError : the surface is not closed, inside out, cuts itself, or is in another unit of length.
+        InputError : the surface is not closed, inside out, cuts itself, or is in another unit of length; or a wrong argument.
         """
-        points, corners = number_array(f"Bone {name}: points_m", points_m, ("n", 3)), np.asarray(triangles, dtype=np.int64)
+        if not isinstance(mesh, HexMesh):
+            raise InputError(f"Bone {name}: mesh must be a HexMesh, not {shortened(repr(mesh))}.")
+        points = number_array(f"Bone {name}: points_m", points_m, ("n", 3))
+        corners = index_array(f"Bone {name}: triangles", triangles, len(points), "node", columns=3)
         surface = TriangleSurface(points, corners)
         return cls(name, bone_field(surface, f'bone "{name}"', mesh.points), surface, friction=friction, damping=damping)
 

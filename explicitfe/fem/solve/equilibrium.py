@@ -73,6 +73,10 @@ class _Station(NamedTuple):
     depth_m: float  # of the tool
 
 
+# What a model may have that only a run in time computes.
+ONLY_IN_TIME = ("pulls", "stresses", "bones", "attachments", "motion", "followers", "weights", "surfaces", "air")
+
+
 class Relaxation(LoadedBody):
     """A body in static equilibrium under dead loads and a rigid tool.
 
@@ -92,12 +96,11 @@ class Relaxation(LoadedBody):
 
     Raises
     ------
-    InputError : a parameter out of range, or a model with muscles as stress, bones or attachments, which need a
-        :class:`Simulation`.
+    InputError : a parameter out of range, or a model with one of ``ONLY_IN_TIME``, which need a :class:`Simulation`.
     """
 
     def __init__(self, model: Model, tolerance: float = RESIDUAL_TOLERANCE, threads: int | None = None) -> None:
-        for name in ("stresses", "bones", "attachments"):
+        for name in ONLY_IN_TIME:
             if getattr(model, name, None):
                 raise InputError(f"Relaxation: a model with {name} is not supported; use a Simulation, or remove them.")
         tolerance = number_like("Relaxation: tolerance", tolerance, RelativeResidual, "tolerance")

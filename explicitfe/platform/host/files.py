@@ -105,12 +105,15 @@ def is_at(path: Path, number: int) -> bool:
         return False
 
 
-def lock(number: int) -> bool:
-    """Lock an open file until it is closed, or the process dies; False where another process, or another part of this, has."""
+def lock(number: int, *, to_read: bool = False) -> bool:
+    """Lock an open file until it is closed, or the process dies; False where another process, or another part of this, has.
+
+    A lock ``to_read`` is refused only where one to write is held.
+    """
     if fcntl is None:
         return True
     try:
-        fcntl.flock(number, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        fcntl.flock(number, (fcntl.LOCK_SH if to_read else fcntl.LOCK_EX) | fcntl.LOCK_NB)
     except BlockingIOError:
         return False
     except OSError:

@@ -134,7 +134,11 @@ def _locked(path: Path) -> Iterator[None]:
     except OSError as error:
         raise InputError(f"{path} cannot be replaced ({files.reason(error)}); choose another `out` folder") from None
     try:
-        if not files.lock(number) or not files.is_at(path, number):
+        if not files.lock(number):
+            if files.lock(number, to_read=True):
+                raise InputError(f"{path} is open for reading, here or in another program; close it before it is replaced")
+            raise InputError(f"another run is writing {path}; wait until it ends or choose another `out` folder")
+        if not files.is_at(path, number):
             raise InputError(f"another run is writing {path}; wait until it ends or choose another `out` folder")
         yield
     finally:

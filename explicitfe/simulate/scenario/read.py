@@ -57,6 +57,12 @@ def setting_texts(settings: Sequence[str] | Mapping[str, object]) -> list[str]:
     raise InputError(f'`settings` must be a dictionary or a list of "key=value" texts, not {shortened(repr(settings))}.')
 
 
+def canonical(setting: str) -> str:
+    """A ``key=value`` text with the value as TOML, so that the same setting has one text; a malformed one as it is."""
+    key, equals, text = setting.partition("=")
+    return f"{key.strip()}={toml_value(_value(text, setting))}" if equals else setting
+
+
 def read_transient(path: Path, settings: Sequence[str] = ()) -> TransientScenario:
     """Read a scenario file that trajectories are compared with; see :func:`read_scenario`.
 

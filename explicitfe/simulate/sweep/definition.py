@@ -17,7 +17,7 @@ from explicitfe.results.files.folder import whole_file
 from explicitfe.results.files.provenance import version_of
 from explicitfe.simulate.anatomy.tongue import assemble
 from explicitfe.simulate.run.inputs import sums_of
-from explicitfe.simulate.scenario.read import scenario_in
+from explicitfe.simulate.scenario.read import canonical, scenario_in
 from explicitfe.simulate.scenario.transient import TransientScenario
 from explicitfe.simulate.sweep.factors import Factor
 from explicitfe.simulate.sweep.members import LARGEST_TABLE_OF_MEMBERS_BYTES, Design, Members, members_in
@@ -115,6 +115,7 @@ def define(
     InputError : the scenario or all of the first runs are invalid, or a measure does not exist.
     """
     parts, own = _measures(measures)
+    settings = tuple(map(canonical, settings))  # KEY=word of a command is KEY="word" of Python
     text = text_of(path, "a scenario is a TOML file; 'explicitfe list scenarios' names those at hand")
     refusals = []
     sums: dict[str, str] = {}

@@ -58,7 +58,7 @@ def factors_of(vary: Iterable[str] | Mapping[str, Iterable[object]]) -> tuple[Fa
 
 def _texts_of(values: Mapping[str, Iterable[object]]) -> Iterator[str]:
     for key, levels in values.items():
-        if isinstance(levels, str) or not isinstance(levels, Iterable):
+        if isinstance(levels, str | bytes) or not isinstance(levels, Iterable):
             raise InputError(f"`vary` {shortened(key)}: give a list or an array of values, not {shortened(repr(levels))}.")
         plain = (level.item() if isinstance(level, np.generic) else level for level in levels)
         yield f"{key}={','.join(map(toml_value, plain))}"

@@ -54,7 +54,7 @@ LARGEST_SHARE_OF_PARTIAL_TABLES = 0.02  # of the time of a sweep
 
 
 class Sweep:
-    """The runs of one scenario. Iteration computes the runs that have no row yet, and yields their rows as they finish.
+    """The runs of one scenario. Iteration yields the stored rows, then those of the missing runs as they finish.
 
     Attributes
     ----------
@@ -80,7 +80,7 @@ class Sweep:
         if keep not in KEEP_WORDS and not re.fullmatch(r"every:[1-9]\d{0,8}", keep):
             raise InputError(f"`keep` {shortened(keep)}: valid values are none, all, failed and every:N, such as every:100.")
         self.definition, self.out, self.only = definition, out, only
-        numbers = range(len(definition.members)) if only is None else share_of(definition.members, only)
+        self._numbers = range(len(definition.members)) if only is None else share_of(definition.members, only)
         begin(out, definition)
         for folder in (out, out / RESULTS_FOLDER):
             remove_unfinished(folder)
@@ -95,23 +95,31 @@ class Sweep:
                 return True
             return status not in WITHOUT_RESULT and is_kept(keep, number, status) and not (folder / result_name(number)).exists()
 
-        self._todo = [number for number in numbers if is_missing(number)]
+        self._todo = [number for number in self._numbers if is_missing(number)]
         self._task = Task(definition.path.absolute(), definition.text, definition.parts, folder, keep, definition.own)
         self._engine = engine
         self._given: set[int] = set()
         self._computed, self._worker_s, self._workers, self._wall_s, self._rate = 0, 0.0, 0, 0.0, 0.0
 
     def __iter__(self) -> Iterator[Row]:
-        """The rows of the runs that have none yet, with the values that vary; the table is written at the end."""
-        members = self.definition.members
+        """The rows of all runs, with the values that vary; the table is written at the end."""
+        stored = Stored(self.out / ROWS_FOLDER, len(self.definition.members))
+        missing = set(self._todo) - self._given
+        old = [number for number in self._numbers if number in stored.places and number not in missing]
+        for number, row in zip(old, stored.rows(old), strict=True):
+            yield self._with_varied(number, row)
         for line in self.computed():
-            varied = dict(zip(members.keys, cast(tuple[Cell, ...], members.values[line.number]), strict=True))
-            yield {NUMBER: line.number} | varied | line.row
+            yield self._with_varied(line.number, line.row)
         self.finish()
 
+    def _with_varied(self, number: int, row: Row) -> Row:
+        members = self.definition.members
+        varied = dict(zip(members.keys, cast(tuple[Cell, ...], members.values[number]), strict=True))
+        return {NUMBER: number} | varied | row
+
     def __len__(self) -> int:
-        """Number of runs to compute."""
-        return len(self._todo)
+        """Number of rows that iteration yields."""
+        return len(self._numbers)
 
     def members(self) -> Iterator[Member]:
         """The runs to compute."""
@@ -224,12 +232,12 @@ def sweep(
     executor: Executor | None = None,
     scheduler: str | None = None,
 ) -> Sweep:
-    """Run a parameter sweep: iteration computes the runs and yields their rows as they finish.
+    """Run a parameter sweep: iteration yields the rows of all runs, those of new runs as they finish.
 
     >>> for row in explicitfe.sweep("vowel-i", ["muscle.GGp.force_N=0:4:9"], settings=["model.resolution=coarse"]):
     ...     print(row["member"], row["status"], row.get("points.tip.up_mm"))
 
-    Rows are stored in ``out`` before they are yielded; the same call resumes an interrupted sweep and yields the missing rows.
+    Rows are stored in ``out`` before they are yielded; the same call resumes an interrupted sweep.
     At the end the table is written to ``out``.
 
     Parameters

@@ -161,13 +161,18 @@ def test_an_echo_is_short_and_harmless(capsys: pytest.CaptureFixture[str]) -> No
     assert "[/]" in shown
 
 
-def test_help_says_how_and_with_what_exit_code(capsys: pytest.CaptureFixture[str]) -> None:
+def test_help_says_how_and_with_what_exit_code(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
     assert command([]) == 0
     root = " ".join(capsys.readouterr().out.split())
-    assert "Exit code 0: done; 2: the input cannot be used" in root and "130, 143, 129" in root
+    assert "Exit codes: 0 done, 2 invalid input, 3 stopped early" in root and root.count("explicitfe ") >= 3
+    monkeypatch.setenv("COLUMNS", "80")
     for words in NAMES:
         assert command([*words, "--help"]) == 0
-        text = " ".join(capsys.readouterr().out.split())
+        shown = capsys.readouterr().out
+        assert "\u2026" not in shown, words  # no name of an option is cut
+        text = " ".join(shown.split())
         assert re.search(f"Examples?: explicitfe {' '.join(words)}", text), words
 
 

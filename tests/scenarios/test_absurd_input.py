@@ -263,7 +263,7 @@ def test_settings_of_several_lines_stay_comments_in_the_stored_text() -> None:
 def test_the_number_of_problems_is_right(tmp_path: Path) -> None:
     path = tmp_path / "two.toml"
     path.write_text('title = 1\nquestion = 2\n[model]\nname = "tongue"\n[analysis]\nduration_ms = 1.0\n')
-    assert "(1 more error)" in (refusal(path) or "")
+    assert "(1 more error: question)" in (refusal(path) or "")
 
 
 # ---- sizes ----

@@ -68,10 +68,15 @@ app = typer.Typer(
 )
 
 
-EXIT_CODES = (
-    "Exit code 0: done; 2: the input cannot be used, and nothing was written; 3: it stopped early, by the simulation, the "
-    "machine or an internal error (--json says which); 130, 143, 129: stopped by Ctrl-C, SIGTERM, SIGHUP."
-)
+EXAMPLES = """Examples:
+
+[bold]explicitfe run vowel-i[/bold]
+
+[bold]explicitfe report vowel-i[/bold]
+
+[bold]explicitfe identify gel[/bold]
+
+Exit codes: 0 done, 2 invalid input, 3 stopped early; all are in docs/reference/commands.md."""
 
 
 def _print_version(wanted: bool) -> None:
@@ -80,7 +85,7 @@ def _print_version(wanted: bool) -> None:
         raise typer.Exit()
 
 
-@app.callback(epilog=EXIT_CODES)
+@app.callback(epilog=EXAMPLES)
 def _root(
     version: Annotated[
         bool, typer.Option("--version", help="Print the version and exit.", is_eager=True, callback=_print_version)
@@ -91,8 +96,6 @@ def _root(
 
     A scenario file defines a run; the result file opens in ParaView. The first run of each kind of model compiles kernels;
     `explicitfe warmup` compiles them in advance.
-
-    Example: [bold]explicitfe run scenarios/vowel-i.toml[/bold]
     """
     check_environment()
 

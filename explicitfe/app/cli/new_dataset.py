@@ -37,7 +37,7 @@ ROWS_SHOWN = 3
 
 def _column(quantity: str) -> typer.models.OptionInfo:
     return typer.Option(
-        f"--{quantity}", metavar="COLUMN[:UNIT]", help=f"Column of the {quantity.replace('-', ' ')}, and its unit."
+        f"--{quantity}", metavar="COL[:UNIT]", help=f"Column of the {quantity.replace('-', ' ')}, and its unit."
     )
 
 

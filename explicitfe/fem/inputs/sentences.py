@@ -25,6 +25,9 @@ _KINDS = {
 }
 
 
+MOST_OTHERS_NAMED = 3
+
+
 def explain(error: ValidationError, data: object, table: type[BaseModel]) -> str:
     """The first error in ``data`` as one sentence with the key and what to do."""
     # A misspelt key is named before the key that is missing because of it.
@@ -34,8 +37,10 @@ def explain(error: ValidationError, data: object, table: type[BaseModel]) -> str
     where = _where(keys, data)
     sentence = _sentence(problem, keys, where, table)
     # A value that fits none of several types has one problem for each type.
-    more = len({tuple(_keys(other, data)) for other in problems}) - 1
-    after = f" ({more} more error{'s' * (more > 1)})" if more else ""
+    others = list(dict.fromkeys(".".join(_where(_keys(other, data), data)) for other in problems if _keys(other, data) != keys))
+    more, left = len(others), len(others) - MOST_OTHERS_NAMED
+    named = ", ".join(others[:MOST_OTHERS_NAMED]) + (f" and {left} more" if left > 0 else "")
+    after = f" ({more} more error{'s' * (more > 1)}: {shortened(named)})" if more else ""
     return f"{sentence.rstrip('.')}{after}" + ("" if sentence.endswith("?") and not more else ".")
 
 

@@ -1,11 +1,11 @@
-"""The tongue pressed against the soft palate: explicitfe at rest against an implicit solution that shares no code with it.
+"""The postures of [i] and [k]: explicitfe at rest against an implicit solution that shares no code with it.
 
     python studies/benchmarks/tongue_velum_implicit.py
 
-The forces, the jaw and the two bodies of velar-k, held until the motion has died away. The implicit route, see
+The forces, the jaw and the bodies of a scenario, held until the motion has died away. The implicit route, see
 ``implicit_bodies``, takes the meshes, the stress of the muscles in each hexahedron, the triangles of the bones and the attached
 patches as data; its elements, contact and solver are its own. Distances from bones are exact; those of explicitfe are smoothed
-over 0.5 mm. Prints a row for each pair of elements, explicitfe first, and takes ten minutes.
+over 0.5 mm. Prints a row for each pair of elements, explicitfe first, and takes twenty minutes.
 """
 
 from __future__ import annotations
@@ -34,18 +34,16 @@ from implicit_bodies import (
 )
 
 from explicitfe.fem.bones.motion import RigidMotion
-from explicitfe.fem.materials.yeoh import Yeoh
 from explicitfe.fem.model.model import Attachment, FibrePull, Model
 from explicitfe.fem.solve.simulation import Simulation
 from explicitfe.fem.solve.transient import Transient
 from explicitfe.simulate.anatomy.catalogue import cells_of
 from explicitfe.simulate.anatomy.tongue import assemble
-from explicitfe.simulate.scenario.bodies import BodyTable
-from explicitfe.simulate.scenario.bones import BoneTable, HyoidTable, JawTable
-from explicitfe.simulate.scenario.transient import AnalysisTable, Damping, ModelTable, MuscleTable, TransientScenario
+from explicitfe.simulate.scenario.bodies import ContactTable
+from explicitfe.simulate.scenario.read import read_transient
+from explicitfe.simulate.scenario.transient import Damping
 
-FORCES_N = {"STY": 1.85, "TRANS": 4.5}
-OPENING_MM = 2.0
+SCENARIOS = Path(__file__).parents[2] / "scenarios"
 RISE_MS, END_S, ALPHA_PER_S = 50.0, 1.0, 80.0
 STIFFNESS_PA_M = 2e7
 SHARES = (0.2, 0.4, 0.6, 0.8, 1.0)
@@ -61,35 +59,25 @@ class Rest:
     speed_m_s: float = 0.0
 
 
-def model_of(element: str, velum: bool, resolution: str) -> Model:
-    """The posture with one or two bodies."""
-    rising = {"profile": "table", "table": [(0.0, 0.0), (RISE_MS, 1.0)]}
-    muscles = [MuscleTable(name=name, force_N=force, distribution="stress", **rising) for name, force in FORCES_N.items()]
-    soft = BodyTable(name="velum", model="velum", resolution=resolution, material=Yeoh(C10_Pa=1250.0, C20_Pa=0.0))
-    scenario = TransientScenario(
-        title="two bodies",
-        model=ModelTable(
-            name="tongue",
-            resolution=resolution,
-            material="buchaillard-2009",
-            element=element,
-            attachment="area",
-            damping=Damping(alpha_per_s=ALPHA_PER_S),
+def model_of(element: str, posture: str, resolution: str) -> Model:
+    """The bodies, forces and jaw of a scenario, which rise within 50 ms and are held."""
+    scenario = read_transient(SCENARIOS / f"{posture}.toml")
+    rising = {"profile": "table", "table": [(0.0, 0.0), (RISE_MS, 1.0)], "rise_ms": 0.0}
+    held = {
+        "model": scenario.model.model_copy(
+            update={"element": element, "resolution": resolution, "damping": Damping(alpha_per_s=ALPHA_PER_S)}
         ),
-        body=[soft] if velum else [],
-        bone=[BoneTable(name="palate", velum=False), BoneTable(name="jaw"), BoneTable(name="pharynx")],
-        jaw=JawTable(opening_mm=OPENING_MM, rise_ms=RISE_MS),
-        hyoid=HyoidTable(),
-        muscle=muscles,
-        analysis=AnalysisTable(duration_ms=1e3 * END_S),
-    )
-    return assemble(scenario, Path()).model
+        "muscle": [muscle.model_copy(update=rising) for muscle in scenario.muscle],
+        "contact": ContactTable(stiffness_kPa_per_mm=1e-6 * STIFFNESS_PA_M) if scenario.body else None,
+        "jaw": scenario.jaw.model_copy(update={"table": rising["table"]}),
+    }
+    return assemble(scenario.model_copy(update=held), SCENARIOS).model
 
 
 @cache
-def explicit(element: str, velum: bool, resolution: str) -> Rest:
+def explicit(element: str, posture: str, resolution: str) -> Rest:
     """With explicitfe: forces and jaw rise within 50 ms, and damping brings the bodies to rest."""
-    model = model_of(element, velum, resolution)
+    model = model_of(element, posture, resolution)
     body = Simulation(model)
     body.surfaces.growth[:] = np.inf  # contact is linear in depth, as it is there
     ended = Transient(body, END_S).advance_to(END_S)
@@ -108,6 +96,7 @@ class Tie:
     """A patch that springs tie to a bone: K_ab = sum of k A N_a N_b; a bone on a spring of its own gives way without turning."""
 
     def __init__(self, patch: Attachment, hexes: np.ndarray, points: np.ndarray) -> None:
+        assert patch.normal_stiffness_Pa_m in (None, patch.stiffness_Pa_m)
         weights, corners = shape_values(patch.points.natural), hexes[patch.points.element]
         self.nodes, index = np.unique(corners, return_inverse=True)
         by_node = np.zeros((len(corners), len(self.nodes)))
@@ -134,18 +123,19 @@ class Tie:
 
 
 class Pull:
-    """Lines under tension from points in space to points of the body: the energy is tension times length."""
+    """Lines under tension to points of the body from points in space or of the body: the energy is tension times length."""
 
     def __init__(self, pull: FibrePull, elements: list[Elements], points: np.ndarray) -> None:
-        assert all(len(line) == 2 and line.element[0] < 0 for line in pull.points)
-        hexes = np.array([line.element[1] for line in pull.points])
-        natural = np.array([line.natural[1] for line in pull.points])
-        owners = [np.flatnonzero(np.isin(hexes, one.hexes)) for one in elements]  # some end in the velum
-        found = [one.at(hexes[owned], natural[owned]) for one, owned in zip(elements, owners, strict=True) if len(owned)]
-        self.nodes, self.weights = map(np.concatenate, zip(*found, strict=True))
-        order = np.concatenate(owners)
-        self.start = np.array([line.position[0] for line in pull.points])[order]
-        self.full_N = self.tension_N = np.concatenate(pull.tension_N)[order]
+        assert all(len(line) == 2 for line in pull.points)
+        hexes, natural = (np.array([getattr(line, of) for line in pull.points]) for of in ("element", "natural"))
+        self.nodes, self.weights = _in_elements(elements, hexes[:, 1], natural[:, 1])
+        self.start = np.zeros((len(hexes), 3))
+        if (hexes[:, 0] < 0).all():
+            self.start = np.array([line.position[0] for line in pull.points])
+        else:
+            nodes, weights = _in_elements(elements, hexes[:, 0], natural[:, 0])
+            self.nodes, self.weights = np.hstack([self.nodes, nodes]), np.hstack([self.weights, -weights])
+        self.full_N = self.tension_N = np.concatenate(pull.tension_N)
         self.points = points
 
     def __call__(self, u: np.ndarray) -> Part:
@@ -159,6 +149,16 @@ class Pull:
         return Part(float(self.tension_N @ length), self.nodes, slope, each)
 
 
+def _in_elements(elements: list[Elements], hexes: np.ndarray, natural: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Nodes (k, a) and their shares (k, a) of points at natural coordinates (k, 3) of hexahedra (k,), of whichever body."""
+    nodes, shares = np.empty((2, len(hexes), elements[0].nodes.shape[1]))
+    for one in elements:
+        own = np.isin(hexes, one.hexes)
+        if own.any():
+            nodes[own], shares[own] = one.at(hexes[own], natural[own])
+    return nodes.astype(int), shares
+
+
 def placed(motion: RigidMotion, share: float) -> tuple[np.ndarray, np.ndarray]:
     """Rotation (3, 3) about an axis along y, and shift (3,) m, of the jaw at a share of its course."""
     angle = share * motion.turn_rad[1]
@@ -168,13 +168,13 @@ def placed(motion: RigidMotion, share: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 @cache
-def implicit(velum: bool, resolution: str, second: bool = False, of_nodes: bool = False) -> Rest:
+def implicit(posture: str, resolution: str, second: bool = False, of_nodes: bool = False) -> Rest:
     """The same posture from the minimum of the energy, with elements of eight nodes or, of second order, of 27.
 
     ``of_nodes`` : contact between the bodies is of nodes of the velum with faces of the tongue, instead of 2 x 2 points of the
     faces of either body with those of the other, which carry half of the pressure each.
     """
-    model = model_of("hex8", velum, resolution)
+    model = model_of("hex8", posture, resolution)
     points, hexes = model.mesh.points, model.mesh.hexes
     C10, C20, poisson = model.in_elements(lambda law: (law.C10_Pa, law.C20_Pa, law.poisson)).T
     bulk = 4.0 * C10 * (1.0 + poisson) / (3.0 * (1.0 - 2.0 * poisson))
@@ -192,12 +192,12 @@ def implicit(velum: bool, resolution: str, second: bool = False, of_nodes: bool 
     shares, of_points = face_points(points, loose)
     outside = np.repeat(loose, len(shares), axis=0), np.tile(shares, (len(loose), 1)), STIFFNESS_PA_M * of_points.ravel()
     ties = [Tie(patch, hexes, points) for patch in model.attachments]
-    touches = touches_of(model, faces, of_nodes) if velum else []
+    touches = touches_of(model, faces, of_nodes) if model.surfaces else []
     bones = [(bone, Surface(halved(bone.surface.corners))) for bone in model.bones]
     elements = [linear(points, hexes)]
     if second:
         elements, first = [], 0
-        for name in ("tongue", "velum")[: 1 + velum]:
+        for name in ("tongue", "velum")[: 1 + len(model.inclusions)]:
             along, through, across = cells_of(name, resolution, None)
             elements.append(quadratic(points, hexes, (along, across, through), first))
             first += along * through * across
@@ -244,10 +244,10 @@ def pressure_of(parts: list[Part], areas: np.ndarray) -> np.ndarray:
 
 
 class Pair(NamedTuple):
-    """What a row compares: the bodies, the mesh, the element of explicitfe, and the implicit route."""
+    """What a row compares: the scenario, the mesh, the element of explicitfe, and the implicit route."""
 
     title: str
-    velum: bool
+    posture: str
     resolution: str
     element: str
     second: bool = False
@@ -255,31 +255,36 @@ class Pair(NamedTuple):
 
 
 PAIRS = (
-    Pair("tongue alone; eight points", False, "coarse", "hex8-full"),
-    Pair("both; eight points", True, "coarse", "hex8-full"),
-    Pair("both; eight points; contact of nodes, one side", True, "coarse", "hex8-full", of_nodes=True),
-    Pair("both; eight points", True, "medium", "hex8-full"),
-    Pair("both; one point against eight", True, "medium", "hex8"),
-    Pair("both; one point against quadratic elements", True, "medium", "hex8", second=True),
+    *(
+        Pair(title, posture, resolution, element, second)
+        for posture in ("vowel-i-palatal", "velar-k")
+        for title, resolution, element, second in (
+            ("eight points", "coarse", "hex8-full", False),
+            ("eight points", "medium", "hex8-full", False),
+            ("one point against eight", "medium", "hex8", False),
+            ("one point against quadratic elements", "medium", "hex8", True),
+        )
+    ),
+    Pair("eight points; contact of nodes, one side", "velar-k", "coarse", "hex8-full", of_nodes=True),
 )
 
 
 def row_of(pair: Pair) -> str:
     """The differences of nodes that can move, and forces and pressures by either route."""
-    model = model_of(pair.element, pair.velum, pair.resolution)
+    model = model_of(pair.element, pair.posture, pair.resolution)
     routes = (
-        explicit(pair.element, pair.velum, pair.resolution),
-        implicit(pair.velum, pair.resolution, pair.second, pair.of_nodes),
+        explicit(pair.element, pair.posture, pair.resolution),
+        implicit(pair.posture, pair.resolution, pair.second, pair.of_nodes),
     )
     velum = np.zeros(model.mesh.node_count, dtype=bool)
     velum[model.mesh.node_sets.get("velum", [])] = True
     moves = ~model.held.all(axis=1)
     apart = 1e3 * np.linalg.norm(routes[0].u - routes[1].u, axis=1)
     areas = node_areas(model.mesh.points, outer_faces(model.mesh.hexes))
-    cells = [pair.title, pair.resolution, f"{np.sqrt(np.mean(apart[moves] ** 2)):.3f}"]
-    for body in (~velum, velum & moves)[: 1 + pair.velum]:
+    cells = [pair.posture, pair.title, pair.resolution, f"{np.sqrt(np.mean(apart[moves] ** 2)):.3f}"]
+    for body in (~velum, velum & moves)[: 1 + velum.any()]:
         cells.append(f"{np.sqrt(np.mean(apart[body] ** 2)):.3f}, {apart[body].max():.2f}")
-    if pair.velum:
+    if velum.any():
         push = [rest.pressure * areas * velum for rest in routes]
         centres = [force @ (model.mesh.points + rest.u) / force.sum() for force, rest in zip(push, routes, strict=True)]
         cells.append(", ".join(f"{force.sum():.3f}" for force in push))
@@ -293,10 +298,8 @@ def row_of(pair: Pair) -> str:
 
 def main() -> None:
     """Print how far apart the postures are."""
-    print(
-        "| elements; contact | mesh | rms mm | tongue: rms, largest mm | velum | contact N | peak kPa | centres apart mm ", end=""
-    )
-    print("| palate N | jaw N | pharynx N | speed left mm/s |")
+    print("| scenario | elements; contact | mesh | rms mm | tongue: rms, largest mm | velum | contact N | peak kPa ", end="")
+    print("| centres apart mm | palate N | jaw N | pharynx N | speed left mm/s |")
     for pair in PAIRS:
         print(row_of(pair), flush=True)
 

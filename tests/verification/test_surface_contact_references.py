@@ -223,10 +223,10 @@ def test_tongue_and_velum_are_at_rest_where_an_implicit_solver_puts_them() -> No
     """The tongue pressed against the soft palate, see ``tongue_velum_implicit``, on coarse meshes with eight integration points.
 
     Both routes have the same energy in the elements. Their contact points differ, 16 or 4 of a face, which changes the place of a
-    surface by less than the depth of the contact springs, 0.11 mm at the largest pressure of 2.1 kPa. Measured: 0.032 mm, at an
-    rms displacement of 5.1 mm.
+    surface by less than the depth of the contact springs, 0.091 mm at the largest pressure of 1.8 kPa. Measured: 0.083 mm, at an
+    rms displacement of 3.8 mm.
     """
-    one = tongue_velum_implicit.explicit("hex8-full", velum=True, resolution="coarse")
-    other = tongue_velum_implicit.implicit(velum=True, resolution="coarse")
+    one = tongue_velum_implicit.explicit("hex8-full", "velar-k", "coarse")
+    other = tongue_velum_implicit.implicit("velar-k", "coarse")
     assert one.speed_m_s < 1e-6
-    assert np.sqrt(np.mean(np.sum((one.u - other.u) ** 2, axis=1))) < 1.1e-4
+    assert np.sqrt(np.mean(np.sum((one.u - other.u) ** 2, axis=1))) < 9.1e-5

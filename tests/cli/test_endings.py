@@ -161,9 +161,7 @@ def test_an_echo_is_short_and_harmless(capsys: pytest.CaptureFixture[str]) -> No
     assert "[/]" in shown
 
 
-def test_help_says_how_and_with_what_exit_code(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_help_says_how_and_with_what_exit_code(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
     assert command([]) == 0
     root = " ".join(capsys.readouterr().out.split())
     assert "Exit codes: 0 done, 2 invalid input, 3 stopped early" in root and root.count("explicitfe ") >= 3

@@ -319,6 +319,11 @@ def test_a_second_walk_and_the_same_sweep_of_a_command_compute_nothing(executor,
     assert journal_of(tmp_path).read_text().count("crc32") == 2
 
 
+def test_a_muscle_that_the_scenario_does_not_list_is_named(executor, tmp_path):
+    runs = explicitfe.sweep(SCENARIO, ["muscle.STY.force_N=1,2"], out=tmp_path, settings=SMALL, executor=executor)
+    assert runs.finish()["added_muscles"] == ["STY"]
+
+
 def test_results_that_are_asked_for_later_are_computed_then(executor, tmp_path):
     forces = [f"muscle.GGp.force_N=1.0,{REFUSED}"]
     sweep(tmp_path, executor, forces)

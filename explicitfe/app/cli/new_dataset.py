@@ -36,9 +36,7 @@ ROWS_SHOWN = 3
 
 
 def _column(quantity: str) -> typer.models.OptionInfo:
-    return typer.Option(
-        f"--{quantity}", metavar="COL[:UNIT]", help=f"Column of the {quantity.replace('-', ' ')}, and its unit."
-    )
+    return typer.Option(f"--{quantity}", metavar="COL[:UNIT]", help=f"Column of the {quantity.replace('-', ' ')}, and its unit.")
 
 
 def _size(words: str) -> typer.models.OptionInfo:

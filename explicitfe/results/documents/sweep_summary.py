@@ -25,7 +25,8 @@ class SweepSummary(TypedDict):
 
     ``members`` is the number of runs of the sweep; ``computed`` counts those of this command, ``stored`` all that have a row,
     ``statuses`` the stored ones by status. ``complete``: every run has a row. ``failures`` counts the messages of runs that did
-    not finish. ``worker_s`` is the computing time of all workers, ``members_per_minute`` the throughput.
+    not finish. ``added_muscles`` are those that the runs set although the scenario does not list them. ``worker_s`` is the
+    computing time of all workers, ``members_per_minute`` the throughput.
     """
 
     sweep: str
@@ -36,6 +37,7 @@ class SweepSummary(TypedDict):
     complete: bool
     statuses: dict[str, int]
     failures: dict[str, int]
+    added_muscles: list[str]
     workers: int
     wall_s: float
     worker_s: float

@@ -48,6 +48,7 @@ class Definition:
     own : the custom measures among them.
     design, factors, seed : origin of the runs.
     file_sums : SHA-256 of the files that the scenario names, and of those of the user's measures.
+    added_muscles : muscles that runs set although the scenario does not list them; they pull as the first listed one does.
     """
 
     path: Path
@@ -60,6 +61,7 @@ class Definition:
     factors: tuple[Factor, ...]
     seed: int
     file_sums: dict[str, str]
+    added_muscles: tuple[str, ...] = ()
 
     def settings_of(self, number: int) -> tuple[str, ...]:
         """All settings of a run; it uses one thread, unless the number of threads varies."""
@@ -118,12 +120,14 @@ def define(
     settings = tuple(map(canonical, settings))  # KEY=word of a command is KEY="word" of Python
     text = text_of(path, "a scenario is a TOML file; 'explicitfe list scenarios' names those at hand")
     refusals = []
+    added: tuple[str, ...] = ()
     sums: dict[str, str] = {}
     for number in range(min(len(members), READ_BEFORE_THE_FIRST)):
         try:
             scenario, _ = scenario_in(text, path, (*settings, *members.settings(number)))
             if isinstance(scenario, TransientScenario):
                 assemble(scenario, path.parent)  # refuses unknown muscles and materials
+                added = tuple(muscle.name for muscle in scenario.muscle if muscle.name not in _listed_muscles(text, path))
         except InputError as error:
             refusals.append(error)
             continue
@@ -138,7 +142,16 @@ def define(
     else:
         raise _refusal_of(refusals[0], text, path, settings, origin)
     sums |= {part: measure.sha256 for part, measure in own.items()}
-    return Definition(path, text, settings, members, parts, own, design, factors, seed, sums)
+    return Definition(path, text, settings, members, parts, own, design, factors, seed, sums, added)
+
+
+def _listed_muscles(text: str, path: Path) -> set[str]:
+    """Names of the muscles in the file; none where it is no scenario without the settings."""
+    with suppress(InputError):
+        scenario, _ = scenario_in(text, path)
+        if isinstance(scenario, TransientScenario):
+            return {muscle.name for muscle in scenario.muscle}
+    return set()
 
 
 def _sums_of_words(text: str, path: Path, settings: tuple[str, ...], members: Members) -> dict[str, str]:

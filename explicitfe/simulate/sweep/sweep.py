@@ -205,6 +205,7 @@ class Sweep:
             "complete": complete,
             "statuses": dict(Counter(self.statuses.values()).most_common()),
             "failures": counted_causes(str(row.get(MESSAGE, "")) for row in stored.rows(failed)),
+            "added_muscles": list(self.definition.added_muscles),
             "workers": self._workers,
             "wall_s": self._wall_s,
             "worker_s": self._worker_s,

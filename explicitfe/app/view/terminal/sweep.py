@@ -20,6 +20,9 @@ def sweep_table(summary: SweepSummary) -> RenderableType:
     table.add_row("status", escape(", ".join(f"{count} {status}" for status, count in summary["statuses"].items())) or "none yet")
     for cause, count in list(summary["failures"].items())[:MOST_CAUSES_SHOWN]:
         table.add_row("failures", f"{count} {'time' if count == 1 else 'times'}: {escape(cause)}")
+    if summary["added_muscles"]:
+        words = ", ".join(summary["added_muscles"])
+        table.add_row("added", escape(f"{words}: not in the scenario, with the time course of its first muscle"))
     if summary["computed"]:
         busy = summary["worker_s"] / (summary["workers"] * summary["wall_s"])
         table.add_row("computed now", f"{summary['computed']} in {summary['wall_s']:.1f} s")

@@ -33,7 +33,7 @@ from scipy.optimize import brentq
 import explicitfe
 from explicitfe.app.view.palette import COLOURS, GRID
 from explicitfe.fem.mesh.hexmesh import HexMesh
-from explicitfe.fem.mesh.quality import edge_lengths, volumes
+from explicitfe.fem.mesh.quality import edge_lengths, scaled_jacobians, volumes
 from explicitfe.fem.mesh.validity import certify
 from explicitfe.results.files import Result
 from explicitfe.results.files.differing_keys import WORDS
@@ -371,11 +371,11 @@ def meshes_part(answers: Answers) -> str:
         of_family = next((f"x {factor:g}" for factor in FACTORS if cells_of(factor) == cells), "medium")
         held = [f"{1e4 * shape.attachment_points(cells, bone)[1].sum():.2f}" for bone in shape.fixed]
         smallest = f"{1e3 * edge_lengths(mesh.points, mesh.hexes).min():.2f}"
-        rows.append([
-            of_family, ", ".join(map(str, cells)), thousands(mesh.element_count), f"{size_of_hexes_mm(mesh):.2f}", smallest, *held
-        ])  # fmt: skip
+        flattest = f"{scaled_jacobians(mesh.points, mesh.hexes).min():.2f}"
+        counted = thousands(mesh.element_count), f"{size_of_hexes_mm(mesh):.2f}"
+        rows.append([of_family, ", ".join(map(str, cells)), *counted, smallest, flattest, *held])
     held_by = [f"attached to {bone}, cm²" for bone in shape.fixed]
-    return table(("", "cells", "hexahedra", "h, mm", "smallest edge, mm", *held_by), rows)
+    return table(("", "cells", "hexahedra", "h, mm", "smallest edge, mm", "smallest scaled Jacobian", *held_by), rows)
 
 
 def answer_part(answers: Answers) -> str:
@@ -510,9 +510,9 @@ def finish(panels: np.ndarray, titles: Sequence[str], heading: str) -> None:
         axes.set_axisbelow(True)
         axes.spines[["top", "right"]].set_visible(False)
         axes.set_title(title, fontsize=10, loc="left")
-        axes.legend(fontsize=8, loc="upper left", ncols=2, framealpha=0.9)
+        axes.legend(fontsize=7, loc="upper left", ncols=2, framealpha=0.9)
     for axes in panels[-1]:
-        axes.set_xlabel("h = (volume / hexes)$^{1/3}$, mm")
+        axes.set_xlabel("h = (volume / hexahedra)$^{1/3}$, mm")
     for axes in panels[:, 0]:
         axes.set_ylabel("error, mm")
     panels.flat[0].figure.suptitle(heading, fontsize=11, x=0.01, ha="left")
@@ -531,7 +531,7 @@ def draw_tongue(answers: Answers, path: Path) -> None:
         for gesture, course, colour, marker in zip(GESTURES, some, COLOURS, "osD^", strict=False):
             draw_errors(axes, course, gesture, colour, marker)
     lost = any(course.limit.value is None for some in courses.values() for course in some)
-    heading = "Tongue: error of the displacement at 200 ms against the size of the hexes"
+    heading = "Tongue: error of the displacement at 200 ms against the size of the hexahedra"
     finish(panels, list(courses), heading + (DOTTED if lost else ""))
     figure.savefig(path)
     plt.close(figure)

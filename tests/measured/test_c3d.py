@@ -107,7 +107,7 @@ def test_names_are_unique_and_angles_are_no_positions(tmp_path: Path) -> None:
     [
         ({"unit": "px"}, 'the unit "px" (POINT:UNITS) is no unit of length; give `unit` with the unit of the positions: mm, cm'),
         ({"unit": "  "}, "the file states no unit; give `unit` with the unit of the positions: mm, cm, m"),
-        ({"missing": {k: slice(0, FRAMES) for k in range(4)}}, "no marker of the C3D file has a value; export the"),
+        ({"missing": {k: slice(0, FRAMES) for k in range(4)}}, "no marker has a value; export the"),
     ],
 )  # fmt: skip
 def test_what_is_not_stated_gets_one_sentence(options: dict[str, object], sentence: str, tmp_path: Path) -> None:
@@ -144,9 +144,10 @@ def test_damaged_files_get_one_sentence(tmp_path: Path) -> None:
 
 
 def test_the_package_may_be_missing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = write_c3d(tmp_path / "a.c3d", places_mm())
     monkeypatch.setitem(extras.PACKAGES, "c3d", "no_such_package")
     with pytest.raises(InputError, match=r'reading a C3D file needs no_such_package.*pip install "explicitfe\[c3d\]"'):
-        read_coils(tmp_path / "a.c3d")
+        read_coils(path)
 
 
 def test_a_dataset_from_c3d_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:

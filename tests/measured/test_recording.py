@@ -23,8 +23,9 @@ from explicitfe.platform.errors import InputError
 from explicitfe.platform.host import shipped
 from explicitfe.results.files import FINISHED, Quantity
 
-# Nodes of a box of 40 x 30 x 20 mm, which do not lie in one plane.
-POINTS = {"tip": (0.0, 0.0, 0.0), "front": (0.02, 0.0, 0.02), "dorsum": (0.04, 0.0, 0.02), "side": (0.04, 0.03, 0.0)}
+# Nodes of a box of 40 x 30 x 20 mm, which do not lie in one plane; the origin is outside, as a sensor there is missing.
+CORNER = (0.05, 0.01, 0.03)
+POINTS = {"tip": (0.05, 0.01, 0.03), "front": (0.07, 0.01, 0.05), "dorsum": (0.09, 0.01, 0.05), "side": (0.09, 0.04, 0.03)}
 TIMES_S = np.arange(0.0, 0.1001, 0.002)
 MAPPING = {"tip": "T1", "front": "T2", "dorsum": "T3", "side": "T4"}
 # Sensor frame of the tests: x forward, y to the left, and a turned head.
@@ -42,6 +43,7 @@ def motion(times_s: np.ndarray, name: str) -> np.ndarray:
 @pytest.fixture(scope="module")
 def result(tmp_path_factory: pytest.TempPathFactory) -> Path:
     mesh = box((2, 2, 1), [0.04, 0.03, 0.02])
+    mesh = replace(mesh, points=mesh.points + CORNER)
     nodes = {name: int(np.argmin(np.linalg.norm(mesh.points - place, axis=1))) for name, place in POINTS.items()}
     mesh = mesh.with_named_nodes(nodes)
     history = {f"probe_{name}_displacement": Quantity("m", 3) for name in POINTS}

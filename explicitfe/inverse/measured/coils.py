@@ -1,9 +1,8 @@
-"""Recordings of sensors (coils of an articulograph, markers) in a CSV: names of columns, axes, units and sampling rate."""
+"""Recordings of sensors (coils of an articulograph, markers): axes, rows, and the mapping of sensors to points of a model."""
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal
@@ -11,24 +10,14 @@ from typing import Literal
 import numpy as np
 
 from explicitfe.inverse.measured.c3d_file import read_c3d
-from explicitfe.inverse.measured.curve import TIME
-from explicitfe.inverse.measured.export import Export, ExportColumn, read_export
 from explicitfe.inverse.measured.files import SMALLEST_CURVE_ROWS
-from explicitfe.inverse.measured.quantities import QUANTITIES, guessed, unit_of
+from explicitfe.inverse.measured.marker_doubts import doubts, without_lost_markers
+from explicitfe.inverse.measured.marker_file import Markers, content_of, read_mview, read_pos
+from explicitfe.inverse.measured.marker_header import ANATOMICAL_AXES, AXES
+from explicitfe.inverse.measured.marker_table import read_marker_table, some_names
 from explicitfe.platform.errors import InputError, nearest, shortened
 
-# Axis of a column -> axis of the model (x backwards, y to the speaker's right, z up), and sign.
-ANATOMICAL_AXES = {
-    "back": (0, 1.0), "backward": (0, 1.0), "front": (0, -1.0), "forward": (0, -1.0),
-    "right": (1, 1.0), "left": (1, -1.0),
-    "up": (2, 1.0), "down": (2, -1.0),
-}  # fmt: skip
-CARTESIAN_AXES = {"x": (0, 1.0), "y": (1, 1.0), "z": (2, 1.0)}
-AXES = ANATOMICAL_AXES | CARTESIAN_AXES
-_COORDINATE = re.compile(rf"(?P<sensor>.+?)[_ .:-](?P<axis>{'|'.join(AXES)})", re.IGNORECASE)
-M_PER_MM = 1e-3  # lengths in QUANTITIES are in mm
-C3D_SUFFIX = ".c3d"
-
+M_PER_MM = 1e-3
 
 AxesKind = Literal["anatomical", "cartesian"]
 
@@ -70,7 +59,7 @@ class Coils:
                 f"{self.path}: {rows.sum()} rows between {start_s:g} and {end_s:g} s have a value for each of "
                 f"{', '.join(positions)}; at least {SMALLEST_CURVE_ROWS} are needed."
             )
-        notes = list(self.notes)
+        notes = [*self.notes, *doubts(self.path, self.time_s[inside], {name: place[inside] for name, place in positions.items()})]
         missing = int((inside & ~rows).sum())
         if missing:
             notes.append(f"{self.path}: {missing} rows with a missing value are omitted.")
@@ -91,16 +80,19 @@ class Coils:
 
 
 def read_coils(path: Path, *, unit: str | None = None, rate_hz: float | None = None, axes: str | None = None) -> Coils:
-    """Read a recording from a text table or a C3D file (suffix .c3d, see :func:`explicitfe.inverse.measured.c3d_file.read_c3d`).
+    """Read a recording: C3D, ``.pos`` of an articulograph, ``.mat`` of mview, or a text table.
 
-    Columns of a table are ``SENSOR_AXIS`` with the unit in the name, such as ``T1_x_mm`` or ``TT_up (m)``. The axis is x, y or z,
-    or a direction: forward, front, back, left, right, up, down. A time column is named ``time_s``, ``time_ms`` or similar. Other
-    columns are ignored.
+    The format is recognised by the content of the file. Columns of a table are ``SENSOR_AXIS`` with the unit in the name, such as
+    ``T1_x_mm`` or ``TT_up (m)``, or have the sensor above the axis; TRC, STO, and exports of Motive, Qualisys, NDI Wave and
+    DeepLabCut are among them (:mod:`explicitfe.inverse.measured.marker_table`). The axis is x, y or z, or a direction: forward,
+    front, back, left, right, up, down. A time column is named ``time_s``, ``time_ms`` or similar. Other columns are ignored.
+    A sensor at exactly (0, 0, 0) is missing.
 
     Parameters
     ----------
-    unit : of coordinates whose columns do not name one: "mm", "cm", "m", "µm" or "in"; in a C3D file it replaces the stated unit.
-    rate_hz : sampling rate of a recording without a time column; in a C3D file it replaces the stated rate.
+    unit : of coordinates whose columns do not name one: "mm", "cm", "m", "µm" or "in", also with a factor such as "0.2mm";
+        it replaces the unit that a file of a known program states.
+    rate_hz : sampling rate of a recording without a time column; it replaces the rate or the times in the file.
     axes : directions of x, y and z in a recording with these axes, such as "front,left,up".
 
     Raises
@@ -109,37 +101,32 @@ def read_coils(path: Path, *, unit: str | None = None, rate_hz: float | None = N
     """
     if rate_hz is not None and not 0.0 < rate_hz < np.inf:
         raise InputError(f"`rate_hz` {rate_hz:g} is not possible; give the sampling rate, a number above 0.")
-    if path.suffix.lower() == C3D_SUFFIX:
-        markers = read_c3d(path, unit=unit, rate_hz=rate_hz)
-        positions = {name: M_PER_MM * place for name, place in markers.positions_mm.items()}
-        coils = Coils(path, markers.time_s, positions, "cartesian", planar=False, notes=markers.notes)
-    else:
-        coils = _read_table(path, unit, rate_hz)
+    markers = _reader(path)(path, unit=unit, rate_hz=rate_hz)
+    notes = markers.notes
+    axes_named = _axes_named(path, (axis for coordinates in markers.coordinates_mm.values() for axis in coordinates))
+    planar = {len(coordinates) == 2 for coordinates in markers.coordinates_mm.values()}
+    if len(planar) > 1:
+        raise InputError(f"{path}: some sensors have two coordinates and others three; give the same axes for all.")
+    later = np.append(True, np.diff(np.maximum.accumulate(np.where(np.isfinite(markers.time_s), markers.time_s, -np.inf))) > 0.0)
+    later &= np.isfinite(markers.time_s)
+    if not later.all():
+        notes.append(f"{path}: {(~later).sum()} rows whose time does not increase are omitted.")
+    if later.sum() < SMALLEST_CURVE_ROWS:
+        raise InputError(f"{path}: {later.sum()} rows have increasing times; at least {SMALLEST_CURVE_ROWS} are needed.")
+    places = {name: _positions(path, name, axes, notes)[later] for name, axes in markers.coordinates_mm.items()}
+    seen = without_lost_markers(path, markers.time_s[later], places, planar == {True}, notes)
+    coils = Coils(path, markers.time_s[later], seen, axes_named, planar.pop(), notes)
     return coils if axes is None else _in_directions(coils, axes)
 
 
-def _read_table(path: Path, unit: str | None, rate_hz: float | None) -> Coils:
-    """Read a recording from a text table."""
-    export = read_export(path)
-    notes: list[str] = []
-    sensors, ignored = _sensors(export)
-    time_s, time = _time(export, [column for column in ignored if column.name], rate_hz)
-    if extra := [column.name for column in ignored if column is not time]:
-        notes.append(f"{path}: columns that are no coordinates are ignored: {_listed(extra)}.")
-    axes_named = _axes_named(path, (axis for axes in sensors.values() for axis in axes))
-    positions, planar = {}, set()
-    for name, columns in sensors.items():
-        places = {axis: _metres(export, column, unit) for axis, column in columns.items()}
-        planar.add(len(places) == 2)
-        positions[name] = _positions(path, name, places, notes)
-    if len(planar) > 1:
-        raise InputError(f"{path}: some sensors have two coordinates and others three; give the same axes for all.")
-    later = np.append(True, np.diff(np.maximum.accumulate(np.where(np.isfinite(time_s), time_s, -np.inf))) > 0.0)
-    later &= np.isfinite(time_s)
-    if not later.all():
-        notes.append(f"{path}: {(~later).sum()} rows whose time does not increase are omitted.")
-    positions = {name: place[later] for name, place in positions.items()}
-    return Coils(path, time_s[later], positions, axes_named, planar.pop(), notes)
+def _reader(path: Path) -> Callable[..., Markers]:
+    """The reader of a file, by its first bytes; AG500 and damaged files by their names."""
+    start, suffix = content_of(path, first=128), path.suffix.lower()
+    if suffix == ".c3d" or (start[1:2] == b"\x50" and start[:1] < b" "):
+        return read_c3d
+    if start.startswith(b"AG50x") or suffix == ".pos":
+        return read_pos
+    return read_mview if start.startswith((b"MATLAB ", b"\x89HDF")) or suffix == ".mat" else read_marker_table
 
 
 def _in_directions(coils: Coils, axes: str) -> Coils:
@@ -178,16 +165,12 @@ def read_trace(path: Path, *, unit: str | None = None) -> tuple[np.ndarray, Axes
     ------
     InputError : the file cannot be read, axes or units are missing or wrong, or there are several sensors.
     """
-    export = read_export(path)
-    columns = {column.name.lower(): column for column in export.columns if column.name.lower() in AXES}
-    if not columns:
-        sensors, _ = _sensors(export)
-        if len(sensors) > 1:
-            raise InputError(f"{path}: a trace has one sensor, and this table has {_listed([*sensors])}; give the trace alone.")
-        (columns,) = sensors.values()
-    axes = _axes_named(path, columns)
-    places = _positions(path, path.stem, {axis: _metres(export, column, unit) for axis, column in columns.items()}, [])
-    return places[np.isfinite(places).all(axis=1)], axes
+    sensors = read_marker_table(path, unit=unit, trace=True).coordinates_mm
+    if len(sensors) > 1:
+        raise InputError(f"{path}: a trace has one sensor, and this table has {some_names([*sensors])}; give the trace alone.")
+    ((name, columns),) = sensors.items()
+    places = _positions(path, name, columns, [])
+    return places[np.isfinite(places).all(axis=1)], _axes_named(path, columns)
 
 
 def parse_mapping(words: Sequence[str]) -> dict[str, str]:
@@ -233,30 +216,6 @@ def _axes_named(path: Path, axes: Iterable[str]) -> AxesKind:
     return "anatomical" if kinds.pop() else "cartesian"
 
 
-def _sensors(export: Export) -> tuple[dict[str, dict[str, ExportColumn]], list[ExportColumn]]:
-    """Sensor -> axis -> column, and the columns that are no coordinates."""
-    sensors: dict[str, dict[str, ExportColumn]] = {}
-    others = []
-    for column in export.columns:
-        match = _COORDINATE.fullmatch(column.name)
-        if match is None:
-            others.append(column)
-            continue
-        axes = sensors.setdefault(match["sensor"], {})
-        axis = match["axis"].lower()
-        if axis in axes:
-            raise InputError(f'{export.path}: two columns are called "{shortened(column.name)}"; give each sensor its own name.')
-        axes[axis] = column
-    if not sensors:
-        bare = any(column.name.lower() in AXES for column in export.columns)
-        names = ", ".join(shortened(column.name) for column in export.columns)
-        raise InputError(
-            f"{export.path}: no column is a coordinate of a sensor; name them SENSOR_AXIS_UNIT, such as T1_x_mm or TT_up_mm. "
-            f"Columns: {names}.{' A trace of the palate is drawn by `compare --palate`.' if bare else ''}"
-        )
-    return sensors, others
-
-
 def _positions(path: Path, name: str, places: dict[str, np.ndarray], notes: list[str]) -> np.ndarray:
     """Positions (k, 3) m of one sensor in three axes; the lateral coordinate of a planar recording is 0."""
     if set(places) == {"x", "y"}:  # planar recordings call the vertical axis y
@@ -272,43 +231,5 @@ def _positions(path: Path, name: str, places: dict[str, np.ndarray], notes: list
         )
     for axis, values in places.items():
         number, sign = AXES[axis]
-        positions[:, number] = sign * values
+        positions[:, number] = sign * M_PER_MM * values
     return positions
-
-
-def _metres(export: Export, column: ExportColumn, unit: str | None) -> np.ndarray:
-    """A column of lengths in m."""
-    stated = column.unit or unit or ""
-    known = unit_of("displacement", stated)
-    valid = ", ".join(QUANTITIES["displacement"].units)
-    if not stated:
-        raise InputError(
-            f'{export.path}: the unit of "{shortened(column.name)}" is not known; give `unit` mm or `unit` m, or name the column '
-            f"{shortened(column.name)}_mm."
-        )
-    if known is None:
-        raise InputError(f'{export.path}: "{shortened(stated)}" of "{shortened(column.name)}" is no unit of length; use {valid}.')
-    values: np.ndarray = M_PER_MM * QUANTITIES["displacement"].units[known] * column.values
-    return values
-
-
-def _time(export: Export, columns: Sequence[ExportColumn], rate_hz: float | None) -> tuple[np.ndarray, ExportColumn | None]:
-    """Times (k,) s, and the column that they are from; the sampling rate if it is given."""
-    if rate_hz is not None:
-        return np.arange(len(export.columns[0].values)) / rate_hz, None
-    column = guessed(replace(export, columns=tuple(columns)), "time")
-    if column is None:
-        raise InputError(f"{export.path}: there is no time column; name one {TIME}, or give the sampling rate with `rate_hz`.")
-    unit = unit_of("time", column.unit)
-    if unit is None:
-        raise InputError(
-            f'{export.path}: the unit of "{shortened(column.name)}" is not known; name the column time_s or time_ms, or give the '
-            f"sampling rate with `rate_hz`."
-        )
-    return QUANTITIES["time"].units[unit] * column.values, column
-
-
-def _listed(names: Sequence[str]) -> str:
-    most = 5
-    shown = ", ".join(map(shortened, names[:most]))
-    return shown if len(names) <= most else f"{shown} and {len(names) - most} more"

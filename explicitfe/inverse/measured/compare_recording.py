@@ -17,6 +17,7 @@ from explicitfe.inverse.measured.files import SMALLEST_CURVE_ROWS
 from explicitfe.inverse.measured.registration import (
     Registration,
     are_nearly_on_a_line,
+    check_directions,
     determine_a_rotation,
     procrustes,
     procrustes_in_plane,
@@ -208,20 +209,30 @@ def _align(
         target, seen = rest_m, recorded[_reference_rows(coils, start_s, end_s)].mean(axis=0)
     else:
         target, seen = model.reshape(-1, 3), compared.reshape(-1, 3)
-    registration = _fit_registration(coils, _fitted_parts(recorded), target, seen)
+    registration = _fit_registration(coils, recorded, _fitted_parts(recorded), target, seen)
     residual_m = _rms(registration.to_model(seen) - target)
     return _Aligned(shift_s, now_s, model, registration.to_model(compared), registration, residual_m)
 
 
-def _fit_registration(coils: Coils, table: RegistrationTable, target: np.ndarray, seen: np.ndarray) -> Registration:
+def _fit_registration(
+    coils: Coils, recorded: np.ndarray, table: RegistrationTable, target: np.ndarray, seen: np.ndarray
+) -> Registration:
     """Fit the registration, with a rotation about the lateral axis only if a free one contradicts the axes of the recording."""
     free = procrustes(table, target, seen)
-    if table.rotation != "fit" or not (coils.planar or turns_over(free, coils.axes, coils.planar)):
+    if table.rotation != "fit":
+        return free
+    check_directions(coils.path, free, target, seen, recorded.mean(axis=0), coils.axes, coils.planar)
+    if not (coils.planar or turns_over(free, coils.axes, coils.planar)):
         return free
     directions = [False] if coils.axes == "anatomical" else [False, True]
     fits = [procrustes_in_plane(target, seen, reversed_x) for reversed_x in directions]
-    upright = [fit for fit in fits if not turns_over(fit, "cartesian", planar=True)] or fits
-    return min(upright, key=lambda fit: _rms(fit.to_model(seen) - target))
+    best = min(fits, key=lambda fit: (turns_over(fit, "cartesian", planar=True), _rms(fit.to_model(seen) - target)))
+    if turns_over(best, "cartesian", planar=True):
+        raise InputError(
+            f"{coils.path}: the recording fits the model only if it is turned by {best.turn_deg:.0f}° about the lateral axis; "
+            f"correct the signs of the axes, or `mapping`."
+        )
+    return best
 
 
 def _doubts(

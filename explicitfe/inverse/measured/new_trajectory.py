@@ -13,7 +13,7 @@ import numpy as np
 from explicitfe.inverse.measured.coils import Coils
 from explicitfe.inverse.measured.curve import TIME
 from explicitfe.inverse.measured.new_dataset import NewDataset, check_free, check_written, curve_names, plain_name, thinned
-from explicitfe.inverse.measured.registration import determine_a_rotation, procrustes, turns_over
+from explicitfe.inverse.measured.registration import check_directions, determine_a_rotation, procrustes, turns_over
 from explicitfe.inverse.measured.tables import RegistrationTable
 from explicitfe.platform.errors import InputError, nearest
 from explicitfe.platform.host.shipped import DATASET_FILE, scenario_file, scenarios
@@ -175,6 +175,7 @@ def _fits_rotation(path: Path, description: TrajectoryDescription, coils: Coils,
     if coils.planar:
         undeformed = undeformed * [1.0, 0.0, 1.0]
     fitted = procrustes(RegistrationTable(rotation="fit", translation="fit"), undeformed, where)
+    check_directions(coils.path, fitted, undeformed, where, where, coils.axes, coils.planar)
     if turns_over(fitted, coils.axes, coils.planar):
         notes.append(
             f"a fitted rotation would turn the recording by {fitted.turn_deg:.0f}°, because the sensors lie nearly on a line; "

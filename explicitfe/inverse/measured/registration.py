@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from explicitfe.inverse.measured.tables import RegistrationTable
+from explicitfe.platform.errors import InputError
 from explicitfe.results.measure.sections import X, Y, Z
 
 # Points within this share of their extent from a line do not determine a rotation about it.
@@ -15,6 +18,9 @@ NARROW_SHARE = 0.1  # within this share the rotation is determined poorly
 # A recording in named directions is turned relative to the model by no more than this. A larger rotation is one about the line on
 # which the points nearly lie.
 LARGEST_TURN_DEG = 45.0
+# A recording is mirrored if its mirror image fits so much better, and its own distance is no matter of another anatomy.
+MIRRORED_SHARE, MIRRORED_DISTANCE_M = 0.5, 2e-3
+_AXES = ("front-to-back", "lateral", "vertical")
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,7 +115,38 @@ def turns_over(fitted: Registration, axes: str, planar: bool) -> bool:
     """
     if axes == "anatomical":
         return fitted.turn_deg > LARGEST_TURN_DEG
-    return planar and bool(fitted.rotation[Z, Z] < 0.0)
+    return planar and bool(fitted.rotation[Z, Z] < np.cos(np.radians(LARGEST_TURN_DEG)))
+
+
+def check_directions(
+    path: Path, fitted: Registration, model: np.ndarray, seen: np.ndarray, sensors: np.ndarray, axes: str, planar: bool
+) -> None:
+    """Raise InputError if paired points fit only after a rotation that contradicts the axes of the recording, or mirrored.
+
+    Parameters
+    ----------
+    fitted, model, seen : a free registration, and the points (k, 3) m that it was fitted to.
+    sensors : (s, 3) mean positions; where they lie nearly on a line, a rotation about it says nothing.
+    """
+    advice = "correct the axes (`axes`) or `mapping`, or take another time at which the speaker rests (`reference_s`)"
+    mirror = np.array([1.0, -1.0, 1.0])
+    other = procrustes(RegistrationTable(rotation="fit", translation="fit"), model, seen * mirror)
+    distance, mirrored = (
+        float(np.sqrt(np.mean(np.sum((fit.to_model(points) - model) ** 2, axis=-1))))
+        for fit, points in ((fitted, seen), (other, seen * mirror))
+    )
+    if distance > MIRRORED_DISTANCE_M and mirrored < MIRRORED_SHARE * distance:
+        raise InputError(
+            f"{path}: the recording is mirrored: its mirror image fits the model within {1e3 * mirrored:.2g} mm, itself within "
+            f"{1e3 * distance:.2g} mm; {advice}."
+        )
+    if turns_over(fitted, axes, planar) and not are_nearly_on_a_line(sensors):
+        turn = Rotation.from_matrix(fitted.rotation).as_rotvec(degrees=True)
+        raise InputError(
+            f"{path}: the recording fits the model only if it is turned by {fitted.turn_deg:.0f}°, mainly about the "
+            f"{_AXES[int(np.abs(turn).argmax())]} axis; its axes allow {LARGEST_TURN_DEG:g}°. It is turned or mirrored, or "
+            f"sensors are interchanged: {advice}."
+        )
 
 
 def rotation_between(from_: np.ndarray, to: np.ndarray) -> np.ndarray:

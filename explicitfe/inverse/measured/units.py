@@ -24,7 +24,7 @@ _STRESS_LIMITS_PA = (1e-2, 1e9)
 _STIFFNESS_LIMITS_PA = (10.0, 1e9)  # Stiffness is the largest stress over the largest strain.
 # A first value beyond this share of the largest one is no zero that drifts.
 FAR_FROM_ZERO_SHARE = 0.05
-_COORDINATE_LIMITS_MM = (0.2, 1000.0)
+_COORDINATE_LIMITS_MM = (0.2, 10_000.0)
 
 
 def check_units(csv: CurveCsv, setup: MergedTables) -> None:
@@ -41,8 +41,12 @@ def check_units(csv: CurveCsv, setup: MergedTables) -> None:
             raise InputError(f'{csv.path}: sensor "{sensor}" has no value in any row; remove its columns.')
         largest = np.nan_to_num(np.abs(coordinates)).max(axis=1)
         row = int(largest.argmax())
-        if not low <= largest[row] <= high:
-            raise csv.fault(row, f"the largest coordinate is {largest[row]:.3g} mm, too {_extent(largest[row], low)}; give mm.")
+        if largest[row] < low:
+            raise csv.fault(row, f"the largest coordinate is {largest[row]:.3g} mm, too small; give mm.")
+        places = coordinates.reshape(-1, 3)
+        extent = float((np.nanmax(places, axis=0) - np.nanmin(places, axis=0)).max())
+        if extent > high:  # the origin may be far from the sensors
+            raise csv.fault(row, f"the sensors are up to {extent:.3g} mm apart along an axis, too large; give mm.")
     else:
         _check_homogeneous(csv)
 

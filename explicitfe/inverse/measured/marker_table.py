@@ -1,0 +1,353 @@
+"""Recordings in text tables: of any program whose columns are named by sensor and axis, in one or in several header lines.
+
+A program is recognised by its header (``LAYOUTS``), which says where unit, sampling rate and number of rows stand. The columns of
+all of them are read alike. TRC, MOT and STO are documented by OpenSim, the other formats by Motive, Qualisys Track Manager and
+DeepLabCut; that of NDI WaveFront is known from readers of its users.
+"""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from explicitfe.inverse.measured.curve import TIME
+from explicitfe.inverse.measured.files import SMALLEST_CURVE_ROWS, lines_of
+from explicitfe.inverse.measured.marker_file import LARGEST_RECORDING_MIB, Markers, mm_per_unit, plain_names
+from explicitfe.inverse.measured.marker_header import ANY_TABLE, AXES, LAYOUTS, LIKELIHOOD, Layout, MarkerColumn, columns_of
+from explicitfe.inverse.measured.quantities import QUANTITIES, unit_of
+from explicitfe.platform.errors import InputError, shortened
+from explicitfe.platform.host.text import text_of
+
+LINES_THAT_SHOW_SEPARATORS = 400
+# Below it DeepLabCut, too, leaves points out of its pictures and trajectories (pcutoff).
+LEAST_LIKELIHOOD = 0.6
+LARGEST_DIFFERENCE_OF_RATES_SHARE = 0.02
+_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
+_NO_VALUE = {"", "-", "--", "nan", "n/a", "na", "null", "none", "missing", "inf", "-inf"}
+_FRAME = re.compile(r"(frame|field)s?\W*|coords", re.IGNORECASE)
+_STATUS = re.compile(r"(?P<sensor>.+?)[_ .:-](status|state)", re.IGNORECASE)
+_STATUS_OK = {"ok", "55", ""}  # the number of old programs of NDI
+_ALL = "|".join(AXES)
+# Sensor and axis in one name. All but the first reading need two axes of the sensor: "apex" is no axis x of "ape".
+_COORDINATES = (
+    re.compile(rf"(?P<sensor>.+?)[_ .:-](?P<axis>{_ALL})", re.IGNORECASE),
+    re.compile(rf"(?P<axis>{_ALL})[_ .:-](?P<sensor>.+)", re.IGNORECASE),
+    re.compile(r"(?P<sensor>.+)(?P<axis>[xyzXYZ])"),
+    re.compile(r"(?P<axis>[xyzXYZ])(?P<sensor>.+)"),
+)
+_NO_POSITION = re.compile(
+    r"(.*[_ .:-])?(q|quat\w*|rot\w*|euler|angles?|vel\w*|speed|acc\w*|forces?|moments?|torque|orientation)", re.IGNORECASE
+)
+# Motive: markers that were seen come before those that a solved body should have.
+_KINDS = ("marker", "unlabeled marker", "rigid body", "rigid body marker", "bone", "bone marker")
+
+
+@dataclass(frozen=True, eq=False)
+class _Sheet:
+    """Cells of a table: those of the header, and of the rows with the lines they stand in."""
+
+    path: Path
+    layout: Layout
+    text: str  # of the header
+    head: list[list[str]]
+    rows: list[list[str]]
+    lines: list[int]
+    decimal_comma: bool
+
+    def stated(self, key: str) -> str:
+        """Value of a key of the header; empty if there is none."""
+        if not key:
+            return ""
+        if self.layout.below:
+            for names, values in zip(self.head, self.head[1:], strict=False):
+                if key in names:
+                    return values[names.index(key)]
+        match = re.search(rf"(?im)(?<![\w ])(?:{key})[ \t]*[=,;\t ][ \t]*\"?([^,;\t\r\n\"]+)", self.text)
+        return match[1].strip() if match else ""
+
+    def number(self, key: str) -> float:
+        """Value of a key that is a number; nan if there is none."""
+        text = self.stated(key).replace(",", ".")
+        return float(text) if _NUMBER.fullmatch(text) else np.nan
+
+    def values(self, column: MarkerColumn) -> np.ndarray:
+        """Numbers of a column; nan where a cell is empty."""
+        values = np.full(len(self.rows), np.nan)
+        for k, row in enumerate(self.rows):
+            cell = row[column.number].replace(",", ".") if self.decimal_comma else row[column.number]
+            if _NUMBER.fullmatch(cell):
+                values[k] = float(cell)
+            elif cell.lower() not in _NO_VALUE:
+                name = f"{column.sensor} {column.axis}".strip()
+                raise InputError(
+                    f'{self.path}, line {self.lines[k]}: "{shortened(cell)}" in the column "{shortened(name)}" is no number; '
+                    f"leave the cell empty where a value is missing."
+                )
+        return values
+
+
+def read_marker_table(path: Path, *, unit: str | None = None, rate_hz: float | None = None, trace: bool = False) -> Markers:
+    """Read a recording from a text table.
+
+    Parameters
+    ----------
+    unit : of coordinates; of those whose columns do not name one, if the program is not known.
+    rate_hz : sampling rate, in place of the times in the file.
+    trace : whether the rows are points of one line, without times; its columns may be axes without the name of a sensor.
+
+    Raises
+    ------
+    InputError : the file cannot be read, a row is no row of numbers, or axes, units or times are missing or wrong.
+    """
+    notes: list[str] = []
+    advice = "export the table as plain text (.csv, .txt), with fewer rows"
+    sheet = _sheet(path, text_of(path, advice, largest_bytes=LARGEST_RECORDING_MIB * 2**20, of_other_programs=True))
+    columns = columns_of(path, sheet.head, len(sheet.rows[0]))
+    sensors, others = _sensors(sheet, columns, trace, notes)
+    quality = _quality(sheet, columns, others)
+    coordinates = {name: _lengths(sheet, axes, unit, notes) for name, axes in sensors.items()}
+    for name, (column, usable) in quality.items():
+        if name in coordinates:
+            finite = np.isfinite(list(coordinates[name].values())).all(axis=0)
+            if lost := int((finite & ~usable).sum()):
+                notes.append(f'{path}: {name} is missing in {lost} rows, by the column "{shortened(column)}".')
+            coordinates[name] = {axis: np.where(usable, values, np.nan) for axis, values in coordinates[name].items()}
+    if sheet.layout.image and all(set(axes) == {"x", "y"} for axes in coordinates.values()):
+        notes.append(f"{path}: y of a picture points down; its sign is reversed.")
+        coordinates = {name: {"x": axes["x"], "y": -axes["y"]} for name, axes in coordinates.items()}
+    if trace:
+        return Markers(np.arange(len(sheet.rows), dtype=float), coordinates, notes)
+    time_s, used = _times(sheet, others, rate_hz, notes)
+    qualities = {column for column, _ in quality.values()}
+    if extra := [c.sensor for c in others if c not in used and c.axis != LIKELIHOOD and c.sensor not in qualities]:
+        notes.append(f"{path}: columns that are no coordinates are ignored: {some_names(extra)}.")
+    return Markers(time_s, coordinates, notes)
+
+
+def _sheet(path: Path, text: str) -> _Sheet:
+    """Split a text into cells, and find where its rows of numbers begin."""
+    lines = lines_of(text.rstrip("\r\n "))
+    if re.search(r"(?im)^DataType=Vec3\b", text):  # three numbers in a cell
+        end = next((k for k, line in enumerate(lines) if line.strip().lower() == "endheader"), 0) + 2
+        names = [f"{name} {axis}" for name in lines[end - 1].split("\t")[1:] for axis in "xyz"] if len(lines) > end else []
+        lines[end - 1 :] = ["\t".join(["time", *names]), *(line.replace(",", "\t") for line in lines[end:])]
+    best: tuple[tuple[int, int, int], str | None, bool] = ((0, 0, 0), None, False)
+    for separator in ("\t", ";", ",", None):  # None: blanks
+        for decimal_comma in (False, True):
+            shown = [_cells(line, separator) for line in lines[:LINES_THAT_SHOW_SEPARATORS]]
+            counts = [(sum(_is_number(cell, decimal_comma) for cell in row), sum(map(_is_text, row))) for row in shown]
+            tables = [(numbers, filled - numbers) for numbers, filled in counts if numbers > 1 and 2 * numbers > filled]
+            numbers, texts = (sum(column) for column in zip(*tables, strict=True)) if tables else (0, 0)
+            # Blanks may also separate words in a cell.
+            score = len(tables), -texts, numbers if separator else 0
+            best = max(best, (score, separator, decimal_comma), key=lambda reading: reading[0])
+    _, separator, decimal_comma = best
+    cells = [_cells(line, separator) for line in lines]
+    widths = [len(row) for row in cells]
+    for row in cells:  # exports to spreadsheets end all lines with separators
+        while len(row) > 1 and not row[-1]:
+            row.pop()
+    begin = _begin(cells, decimal_comma)
+    if begin is None:
+        raise InputError(
+            f"{path}: no table of numbers found; export one as text, with a column for each coordinate and at least "
+            f"{SMALLEST_CURVE_ROWS} rows."
+        )
+    head_text = "\n".join(lines[:begin]).lstrip()
+    layout = next((layout for layout in LAYOUTS if re.search(layout.sign, head_text)), ANY_TABLE)
+    head = [row for row in cells[:begin] if any(row)]
+    rows = [k for k in range(begin, len(cells)) if lines[k].strip(" ")]
+    for k in rows:
+        numbers, texts = (sum(map(test, cells[k])) for test in (lambda cell: _is_number(cell, decimal_comma), _is_text))
+        if texts - numbers > numbers:
+            raise InputError(
+                f'{path}, line {k + 1}: "{shortened(lines[k])}" is no row of the table that begins in line {begin + 1}; '
+                f"remove it, or export the recording again."
+            )
+    width = max(len(cells[k]) for k in rows)
+    if short := [k for k in rows if widths[k] < width]:
+        sentence = f"{path}, line {short[0] + 1}: {widths[short[0]]} cells, and other rows have {width}"
+        raise InputError(f"{sentence}; separate the cells by commas or tabs, also those that are empty.")
+    width = max(width, len(head[-1]) if head else 0)
+    padded = [cells[k] + [""] * (width - len(cells[k])) for k in rows]
+    return _Sheet(path, layout, head_text, head, padded, [k + 1 for k in rows], decimal_comma)
+
+
+def _cells(line: str, separator: str | None) -> list[str]:
+    if separator is None:
+        return line.split()
+    if '"' not in line:
+        return [cell.strip() for cell in line.split(separator)]
+    return [cell.strip() for cell in next(csv.reader([line], delimiter=separator))]
+
+
+def _is_number(cell: str, decimal_comma: bool) -> bool:
+    return _NUMBER.fullmatch(cell.replace(",", ".") if decimal_comma else cell) is not None
+
+
+def _is_text(cell: str) -> bool:
+    """Whether a cell is filled, be it by a number."""
+    return cell.lower() not in _NO_VALUE
+
+
+def _begin(cells: Sequence[list[str]], decimal_comma: bool) -> int | None:
+    """Number of the first row of numbers that two others follow."""
+
+    filled = [k for k, row in enumerate(cells) if any(row)]
+    numbers = [sum(_is_number(cell, decimal_comma) for cell in cells[k]) for k in filled]
+    rows = [2 * number > sum(map(_is_text, cells[k])) for k, number in zip(filled, numbers, strict=True)]
+    return next((filled[k] for k in range(len(rows) - 2) if numbers[k] >= 2 and all(rows[k : k + 3])), None)
+
+
+def _sensors(
+    sheet: _Sheet, columns: Sequence[MarkerColumn], trace: bool, notes: list[str]
+) -> tuple[dict[str, dict[str, MarkerColumn]], list[MarkerColumn]]:
+    """Sensor -> axis -> column, and the columns that are no coordinates."""
+    sensors: dict[str, dict[str, MarkerColumn]] = {}
+    if any(column.axis for column in columns):
+        sensors, others = _of_axes(sheet, [column for column in columns if column.axis and column.axis != LIKELIHOOD], notes)
+        return sensors, [*others, *(column for column in columns if column.axis in ("", LIKELIHOOD))]
+    if trace and (bare := {column.sensor.lower(): column for column in columns if column.sensor.lower() in AXES}):
+        return {sheet.path.stem: bare}, []
+    for number, pattern in enumerate(_COORDINATES):
+        matches = [(column, pattern.fullmatch(column.sensor)) for column in columns]
+        split = [
+            MarkerColumn(column.number, match["sensor"].strip(), match["axis"].lower(), column.unit, "Marker")
+            for column, match in matches
+            if match and not _NO_POSITION.fullmatch(match["sensor"].strip())
+        ]
+        axes = {name: {c.axis for c in split if c.sensor == name} for name in (c.sensor for c in split)}
+        split = [column for column in split if number == 0 or len(axes[column.sensor]) > 1]
+        if split:
+            sensors, others = _of_axes(sheet, split, notes)
+            numbers = {column.number for column in split}
+            return sensors, [*others, *(column for column in columns if column.number not in numbers)]
+    bare_axes = any(column.sensor.lower() in AXES for column in columns)
+    names = some_names([column.sensor for column in columns])
+    if sheet.layout.program == "OpenSim":
+        raise InputError(
+            f"{sheet.path}: the file has no positions of points, only {names}; give positions (.trc), or those of a point or "
+            f"body kinematics analysis."
+        )
+    raise InputError(
+        f"{sheet.path}: no column is a coordinate of a sensor; name them SENSOR_AXIS_UNIT, such as T1_x_mm or TT_up_mm. "
+        f"Columns: {names}.{' A trace of the palate is drawn by `compare --palate`.' if bare_axes else ''}"
+    )
+
+
+def _of_axes(
+    sheet: _Sheet, columns: Sequence[MarkerColumn], notes: list[str]
+) -> tuple[dict[str, dict[str, MarkerColumn]], list[MarkerColumn]]:
+    """Sensor -> axis -> column; one of several kinds of points of one name, and columns that are no lengths, are left out."""
+    lengths = [column for column in columns if not column.unit or unit_of("displacement", column.unit)]
+    columns, others = (lengths, [c for c in columns if c not in lengths]) if lengths else (columns, [])
+    rank = {name: min(_rank(c.kind) for c in columns if c.sensor == name) for name in {c.sensor for c in columns}}
+    if expected := [c for c in columns if _rank(c.kind) > rank[c.sensor]]:
+        notes.append(
+            f"{sheet.path}: expected positions are ignored where a marker was seen: "
+            f"{some_names(sorted({c.sensor for c in expected}))}."
+        )
+    sensors: dict[str, dict[str, MarkerColumn]] = {}
+    for column in columns:
+        if column in expected:
+            continue
+        axes = sensors.setdefault(column.sensor, {})
+        if column.axis in axes:
+            name = f"{column.sensor}_{column.axis}"
+            raise InputError(f'{sheet.path}: two columns are called "{shortened(name)}"; give each sensor its own name.')
+        axes[column.axis] = column
+    return dict(zip(plain_names([*sensors]), sensors.values(), strict=True)), others
+
+
+def _rank(kind: str) -> int:
+    return _KINDS.index(kind.lower()) if kind.lower() in _KINDS else len(_KINDS)
+
+
+def _quality(sheet: _Sheet, columns: Sequence[MarkerColumn], others: Sequence[MarkerColumn]) -> dict[str, tuple[str, np.ndarray]]:
+    """Sensor -> column that says where its values are usable, and these rows."""
+    answer = {}
+    for column in others:
+        if column.axis == LIKELIHOOD:
+            likelihood = sheet.values(column)
+            answer[plain_names([column.sensor])[0]] = f"likelihood below {LEAST_LIKELIHOOD:g}", ~(likelihood < LEAST_LIKELIHOOD)
+        elif match := _STATUS.fullmatch(column.sensor):
+            words = [row[column.number].lower() for row in sheet.rows]
+            answer[plain_names([match["sensor"]])[0]] = column.sensor, np.array([word in _STATUS_OK for word in words])
+    return answer
+
+
+def _lengths(sheet: _Sheet, axes: dict[str, MarkerColumn], unit: str | None, notes: list[str]) -> dict[str, np.ndarray]:
+    """Coordinates of a sensor in mm."""
+    own = sheet.layout.unit
+    of_file = sheet.stated(own) if own[:1].isupper() else own
+    answer = {}
+    for axis, column in axes.items():
+        stated = column.unit or ("" if sheet.layout.program else unit or "")
+        name = f"{column.sensor}_{axis}"
+        if not stated and not sheet.layout.program:
+            raise InputError(
+                f'{sheet.path}: the unit of "{shortened(name)}" is not known; give `unit` mm or `unit` m, or name the column '
+                f"{shortened(name)}_mm."
+            )
+        if column.unit and unit_of("displacement", column.unit) is None:
+            valid = ", ".join(QUANTITIES["displacement"].units)
+            raise InputError(f'{sheet.path}: "{shortened(stated)}" of "{shortened(name)}" is no unit of length; use {valid}.')
+        notes_on_unit: list[str] = []
+        factor = mm_per_unit(sheet.path, stated or _singular(of_file), None if stated else unit, "", notes_on_unit)
+        notes += [note for note in notes_on_unit if note not in notes]
+        answer[axis] = factor * sheet.values(column)
+    return answer
+
+
+def _singular(unit: str) -> str:
+    """ "Meters", "Millimeters" as symbols."""
+    return {"meters": "m", "centimeters": "cm", "millimeters": "mm", "inches": "in"}.get(unit.lower(), unit)
+
+
+def _times(
+    sheet: _Sheet, others: Sequence[MarkerColumn], rate_hz: float | None, notes: list[str]
+) -> tuple[np.ndarray, list[MarkerColumn]]:
+    """Times (k,) s, and the columns that they are from."""
+    path, count = sheet.path, len(sheet.rows)
+    stated = sheet.number(sheet.layout.rows)
+    if stated > count:
+        raise InputError(
+            f"{path}: the table ends after {count} of {stated:g} rows ({sheet.layout.rows.partition('|')[0]}); export the "
+            f"recording again, or correct the number."
+        )
+    frame = next((column for column in others if _FRAME.fullmatch(column.sensor)), None)
+    by_unit = [column for column in others if column.unit and unit_of("time", column.unit)]
+    named = [column for column in others if QUANTITIES["time"].names.search(column.sensor)]
+    time = next(iter([c for c in named if c in by_unit] or named or (by_unit if len(by_unit) == 1 else [])), None)
+    of_file = sheet.number(sheet.layout.rate)
+    if rate_hz is not None or (time is None and of_file > 0.0):
+        numbers = np.arange(count, dtype=float) if frame is None else sheet.values(frame)
+        steps = np.diff(numbers)
+        if not (np.median(steps) == 1.0 and (steps > 0.0).all()):
+            numbers = np.arange(count, dtype=float)
+        return (numbers - numbers[0]) / (rate_hz or of_file), [frame] if frame else []
+    if time is None:
+        raise InputError(f"{path}: there is no time column; name one {TIME}, or give the sampling rate with `rate_hz`.")
+    unit = unit_of("time", time.unit or ("s" if sheet.layout.program else ""))
+    if unit is None:
+        raise InputError(
+            f'{path}: the unit of "{shortened(time.sensor)}" is not known; name the column time_s or time_ms, or give the '
+            f"sampling rate with `rate_hz`."
+        )
+    times = QUANTITIES["time"].units[unit] * sheet.values(time)
+    rate = 1.0 / max(float(np.nanmedian(np.diff(times))), 1e-9)
+    if abs(rate - of_file) > LARGEST_DIFFERENCE_OF_RATES_SHARE * of_file:
+        notes.append(f"{path}: the times of the rows mean {rate:.5g} Hz and the header says {of_file:g} Hz; the times are used.")
+    return times, [time, *([frame] if frame else [])]
+
+
+def some_names(names: Sequence[str]) -> str:
+    """Some names for a message, and the number of the others."""
+    most = 5
+    shown = ", ".join(map(shortened, names[:most]))
+    return shown if len(names) <= most else f"{shown} and {len(names) - most} more"

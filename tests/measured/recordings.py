@@ -56,11 +56,12 @@ def trc(times_s: np.ndarray, places: np.ndarray, *, unit: str = "mm", count: int
 
 def sto(times_s: np.ndarray, places: np.ndarray, *, vectors: bool = False) -> str:
     if vectors:
-        body = ["\t".join([f"{time}", *(",".join(f"{x:.6f}" for x in place) for place in 1e-3 * row)]) for time, row in zip(times_s, places, strict=True)]  # fmt: skip
-        return "\n".join(["DataRate=200", "DataType=Vec3", "version=3", "endheader", "\t".join(["time", *NAMES]), *body]) + "\n"
-    head = ["PointKinematics", f"nRows={len(times_s)}", f"nColumns={1 + 3 * len(NAMES)}", "inDegrees=no", "", "Units are S.I.", "endheader"]  # fmt: skip
-    labels = "\t".join(["time", *(f"{name}_{axis}" for name in NAMES for axis in "XYZ")])
-    return "\n".join([*head, labels, *rows(times_s, 1e-3 * places, before=[[f"{time:.6f}"] for time in times_s])]) + "\n"
+        head = ["DataRate=200", "DataType=Vec3", "version=3", "endheader", "\t".join(["time", *NAMES])]
+        body = [[f"{t}", *(",".join(map(cell, place)) for place in row)] for t, row in zip(times_s, 1e-3 * places, strict=True)]
+        return "\n".join([*head, *map("\t".join, body)]) + "\n"
+    head = ["PointKinematics", f"nRows={len(times_s)}", f"nColumns={1 + 3 * len(NAMES)}", "inDegrees=no", "", "endheader"]
+    head += ["\t".join(["time", *(f"{name}_{axis}" for name in NAMES for axis in "XYZ")])]
+    return "\n".join([*head, *rows(times_s, 1e-3 * places)]) + "\n"
 
 
 def motive(times_s: np.ndarray, places: np.ndarray, *, body: bool = False, unit: str = "Meters", start: int = 0) -> str:
@@ -76,16 +77,22 @@ def motive(times_s: np.ndarray, places: np.ndarray, *, body: bool = False, unit:
     sorts += ["Position"] * 12
     axes += [*"XYZ" * 4]
     factor = {"Meters": 1e-3, "Millimeters": 1.0}[unit]
-    stated = f"Format Version,1.23,Take Name,Take 1,Capture Frame Rate,{RATE_HZ},Export Frame Rate,{RATE_HZ},Total Exported Frames,{len(times_s)},Rotation Type,Quaternion,Length Units,{unit},Coordinate Space,Global"  # fmt: skip
+    stated = [
+        "Format Version",
+        "1.23",
+        "Take Name",
+        "Take 1",
+        "Capture Frame Rate",
+        f"{RATE_HZ}",
+        "Export Frame Rate",
+        f"{RATE_HZ}",
+    ]
+    stated += ["Total Exported Frames", f"{len(times_s)}", "Rotation Type", "Quaternion", "Length Units", unit]
     ids = [f"{k:032X}" for k in range(len(names))]
-    head = [stated, "", ",Type," + ",".join(kinds), ",Name," + ",".join(names), ",ID," + ",".join(ids)]
+    head = [",".join(stated), "", ",Type," + ",".join(kinds), ",Name," + ",".join(names), ",ID," + ",".join(ids)]
     head += [",," + ",".join(sorts), "Frame,Time (Seconds)," + ",".join(axes)]
-    extra = (
-        [["0.1", "0.2", "0.3", "0.9", "1.0", "1.1", "1.2", "0.0001", "9", "9", "9"]] * len(times_s)
-        if body
-        else [[]] * len(times_s)
-    )
-    front = [[str(start + k), f"{time:.6f}", *more] for k, (time, more) in enumerate(zip(times_s, extra, strict=True))]
+    extra = ["0.1", "0.2", "0.3", "0.9", "1.0", "1.1", "1.2", "0.0001", "9", "9", "9"] if body else []
+    front = [[str(start + k), f"{time:.6f}", *extra] for k, time in enumerate(times_s)]
     return "\n".join(head + rows(times_s, factor * places, before=front, separator=",")) + "\n"
 
 
@@ -135,12 +142,14 @@ def deeplabcut(times_s: np.ndarray, places: np.ndarray, *, people: bool = False,
     return "\n".join(head + lines) + "\n"
 
 
-def pos(times_s: np.ndarray, places: np.ndarray, *, version: int = 2, header: bool = True, channels: int = 16) -> bytes:
+def pos(
+    times_s: np.ndarray, places: np.ndarray, *, version: int = 2, header: bool = True, channels: int = 16, more: str = ""
+) -> bytes:
     """Carstens AG50x; the coils are the first channels, the others have no value."""
     frames = np.zeros((len(times_s), channels, 7), dtype="<f4")
     frames[:, : len(NAMES), :3] = np.nan_to_num(places)
     frames[:, : len(NAMES), 3:6] = [12.0, 34.0, 0.5]
-    text = f"AG50xDATA_V00{version}\n{{:08d}}\nNumberOfChannels={channels}\nSamplingFrequencyHz={RATE_HZ:.0f}\n\0"
+    text = f"AG50xDATA_V00{version}\n{{:08d}}\nNumberOfChannels={channels}\nSamplingFrequencyHz={RATE_HZ:.0f}\n{more}\0"
     size = len(text.format(0))
     return (text.format(size).encode() if header else b"") + frames.tobytes()
 
@@ -155,3 +164,31 @@ def mview(path: Path, places: np.ndarray, *, columns: int = 6, rate_hz: float = 
         channels[0, 1 + k] = (label, rate_hz, signal, "")
     savemat(path, {name: channels, "note": "a text"})
     return path
+
+
+def table(
+    times_s: np.ndarray,
+    places: np.ndarray,
+    *,
+    names: str = "{name}_{axis}_mm",
+    axes: str = "xyz",
+    time: str | None = "time_s",
+    above: Sequence[str] = (),
+    units: Sequence[str] = (),
+    separator: str = ",",
+    two_lines: bool = False,
+    factor: float = 1.0,
+    **options,
+) -> str:
+    """A table of no known program; ``two_lines``: sensors stand above the axes; ``units``: of time and lengths."""
+    shown = places[:, :, ["xyz".index(axis) for axis in axes]] * factor
+    columns = [(name, axis) for name in NAMES for axis in axes]
+    first = [] if time is None else [time]
+    head = [separator.join([*first, *(names.format(name=name, axis=axis) for name, axis in columns)])]
+    if two_lines:
+        head = [separator.join(["", *(name if axis == axes[0] else "" for name, axis in columns)])]
+        head += [separator.join([time or "", *(axis for _, axis in columns)])]
+    if units:
+        head += [separator.join([units[0], *[units[1]] * len(columns)])]
+    front = [[]] * len(times_s) if time is None else [[cell(t, comma=options.get("comma", False))] for t in times_s]
+    return "\n".join([*above, *head, *rows(times_s, shown, before=front, separator=separator, **options)]) + "\n"

@@ -169,4 +169,4 @@ def test_a_dataset_from_c3d_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     np.testing.assert_allclose(second.sensors["TT"], 1e-3 * (places_mm()[:, 0] + 1.0), atol=1e-8)
     assert len(first.time_s) == FRAMES - 3
     assert command(["new", "dataset", "first.c3d", "--test", "compression", "--out", "other"]) == 2
-    assert "first.c3d: a C3D file has positions of markers; add --test trajectory." in capsys.readouterr().err
+    assert "first.c3d: a .c3d file has positions of markers; add --test trajectory." in capsys.readouterr().err

@@ -15,7 +15,7 @@ from explicitfe.app.cli.options import JsonOption, OverwriteFilesOption, ResultA
 from explicitfe.app.view.progress import following
 from explicitfe.platform.errors import InputError, nearest
 from explicitfe.platform.host.result_files import find_result
-from explicitfe.platform.host.shipped import export_file
+from explicitfe.platform.host.shipped import MARKER_SUFFIXES, TABLE_SUFFIXES, export_file
 
 if TYPE_CHECKING:
     import numpy as np
@@ -39,7 +39,7 @@ OF_RECORDINGS = (
     "palate",
     "overwrite",
 )
-RECORDING_SUFFIXES = (".csv", ".txt", ".tsv", ".c3d")
+RECORDING_SUFFIXES = (*TABLE_SUFFIXES, *MARKER_SUFFIXES)
 
 
 @dataclass(frozen=True)
@@ -93,7 +93,11 @@ class CompareOptions:
     ] = None
     unit: Annotated[
         str | None,
-        typer.Option("--unit", help="Unit of columns that name none, or of a C3D file, such as mm or m.", show_default=False),
+        typer.Option(
+            "--unit",
+            help="Unit of columns that name none, or in place of that in the file, such as mm, m or 0.2mm (a pixel).",
+            show_default=False,
+        ),
     ] = None
     rate_hz: Annotated[
         float | None,

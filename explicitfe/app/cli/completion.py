@@ -51,8 +51,8 @@ def complete_protocol(incomplete: str) -> list[str]:
 
 
 def complete_table(incomplete: str) -> list[str]:
-    """Tables of testing machines."""
-    return _fitting(incomplete, shipped.exports(), (".csv", ".txt", ".tsv", ".c3d"))
+    """Tables of testing machines, and recordings."""
+    return _fitting(incomplete, shipped.exports(), (*shipped.TABLE_SUFFIXES, *shipped.MARKER_SUFFIXES))
 
 
 def complete_result(incomplete: str) -> list[str]:

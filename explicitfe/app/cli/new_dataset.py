@@ -18,6 +18,7 @@ from explicitfe.app.cli.new import print_next
 from explicitfe.app.cli.options import JsonOption
 from explicitfe.app.view.progress import following
 from explicitfe.platform.errors import InputError, nearest
+from explicitfe.platform.host.shipped import MARKER_SUFFIXES
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -110,9 +111,9 @@ class NewDatasetOptions:
             "--scenario", metavar="SCENARIO", help="Trajectory: scenario to compare with.", autocompletion=complete_scenario
         ),
     ] = None
-    unit: Annotated[str | None, typer.Option("--unit", help="Trajectory: unit of columns that name none, or of C3D files.")] = (
-        None
-    )
+    unit: Annotated[
+        str | None, typer.Option("--unit", help="Trajectory: unit of columns that name none, or in place of that in the file.")
+    ] = None
     rate_hz: Annotated[
         float | None, typer.Option("--rate-hz", metavar="HZ", help="Trajectory: sampling rate, if there is no time column.")
     ] = None
@@ -138,7 +139,7 @@ def new_dataset(
     files: Annotated[
         list[Path],
         typer.Argument(
-            help="Tables (.csv, .txt) or recordings of motion capture (.c3d), one per test. Bundled examples: gel-slow.csv "
+            help="Tables (.csv, .txt) or recordings (.c3d, .trc, .sto, .pos, .mat), one per test. Bundled examples: gel-slow.csv "
             "gel-medium.csv gel-fast.csv ema-vowel-i.csv",
             show_default=False,
             autocompletion=complete_table,
@@ -188,8 +189,8 @@ def new_dataset(
         return
     _refuse(options, OF_TRAJECTORIES, "is for --test trajectory only")
     for file in files:
-        if file.suffix.lower() == ".c3d":
-            raise InputError(f"{file}: a C3D file has positions of markers; add --test trajectory.")
+        if file.suffix.lower() in MARKER_SUFFIXES:
+            raise InputError(f"{file}: a {file.suffix} file has positions of markers; add --test trajectory.")
     with following(console, f"reading {', '.join(map(str, files))}"):
         from explicitfe.inverse.measured.export import read_export
         from explicitfe.inverse.measured.new_dataset import TestDescription, quantities_of, usual_folder, write_new_dataset

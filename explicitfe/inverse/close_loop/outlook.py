@@ -13,6 +13,7 @@ from explicitfe.inverse.close_loop.specimens.series import peers_of, series_of
 from explicitfe.inverse.close_loop.split import Split, split
 from explicitfe.inverse.close_loop.trajectories.markers import place_on_model, remarks
 from explicitfe.inverse.measured.curve import PRINTED_UNITS, Curve, Dataset, Sensor, SpecimenDataset, TrajectoryDataset, sd_of
+from explicitfe.inverse.measured.marker_doubts import doubts
 from explicitfe.inverse.measured.read import read_dataset
 from explicitfe.inverse.measured.units import FAR_FROM_ZERO_SHARE
 from explicitfe.results.documents.dataset_check import CheckedCurve, ColumnRange, DatasetCheckReport, HiddenEffect
@@ -119,6 +120,7 @@ def _warnings(dataset: Dataset, sides: Split) -> Sequence[str]:
     elif not sides.holdout:
         notes.append('no curve is held out, so no prediction is tested; set split = "holdout" for one of them.')
     if isinstance(dataset, TrajectoryDataset):
+        notes += [note for curve in dataset.curves for note in doubts(curve.file, curve.time_s, curve.sensors)]
         if dataset.scenario is None:
             notes.append("there is no scenario to compare these trajectories with; add the key scenario.")
         elif not dataset.sensors:

@@ -42,6 +42,7 @@ def read_c3d(path: Path, *, unit: str | None = None, rate_hz: float | None = Non
             warnings.simplefilter("ignore")  # on parameters that are not used here
             reader = _reader(content)
             rate = _rate(path, reader, rate_hz)
+            up = next(_words(reader, "Y_SCREEN"), "")
             frames = _frames(path, reader)  # (k, markers, 4): x, y, z, residual
             names, others = _names(reader, frames.shape[1])
             factor = mm_per_unit(path, next(_words(reader, "UNITS"), ""), unit, " (POINT:UNITS)", notes)
@@ -54,7 +55,7 @@ def read_c3d(path: Path, *, unit: str | None = None, rate_hz: float | None = Non
     if others:
         notes.append(f"{path}: points that are no positions are ignored: {', '.join(map(shortened, sorted(others)))}.")
     positions = {name: by_axis(places[:, k]) for k, name in enumerate(names) if name not in others}
-    return Markers(np.arange(len(places)) / rate, positions, notes)
+    return Markers(np.arange(len(places)) / rate, positions, notes, up)
 
 
 def _reader(content: bytes) -> Any:

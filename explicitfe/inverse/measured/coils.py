@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -116,7 +117,7 @@ def read_coils(path: Path, *, unit: str | None = None, rate_hz: float | None = N
     places = {name: _positions(path, name, axes, notes)[later] for name, axes in markers.coordinates_mm.items()}
     seen = without_lost_markers(path, markers.time_s[later], places, planar == {True}, notes)
     coils = Coils(path, markers.time_s[later], seen, axes_named, planar.pop(), notes)
-    return coils if axes is None else _in_directions(coils, axes)
+    return coils if axes is None else _in_directions(coils, axes, markers.up)
 
 
 def _reader(path: Path) -> Callable[..., Markers]:
@@ -129,11 +130,14 @@ def _reader(path: Path) -> Callable[..., Markers]:
     return read_mview if start.startswith((b"MATLAB ", b"\x89HDF")) or suffix == ".mat" else read_marker_table
 
 
-def _in_directions(coils: Coils, axes: str) -> Coils:
+def _in_directions(coils: Coils, axes: str, up: str) -> Coils:
     """Convert a recording with x, y, z to the axes of the model."""
     if coils.axes == "anatomical" or coils.planar:
         raise InputError(f"{coils.path}: `axes` is for recordings with x, y and z; omit it.")
     turn = parse_axes(axes)
+    given = "".join(f"{'-' if turn[row, 2] < 0.0 else '+'}{'XYZ'[row]}" for row in np.flatnonzero(turn[:, 2]))
+    if re.fullmatch("[+-][XYZ]", up) and up != given:
+        coils.notes.append(f"{coils.path}: the file states that {up} points up (POINT:Y_SCREEN), and `axes` that {given} does.")
     return replace(coils, axes="anatomical", positions={name: place @ turn for name, place in coils.positions.items()})
 
 

@@ -72,9 +72,9 @@ def without_lost_markers(
     return answer
 
 
-def doubts(path: Path, time_s: np.ndarray, positions: Mapping[str, np.ndarray]) -> list[str]:
+def doubts(path: Path | str, time_s: np.ndarray, positions: Mapping[str, np.ndarray]) -> list[str]:
     """Name markers that are interchanged, jump, or keep their place while others move."""
-    notes, swapped = [], {name: set[int]() for name in positions}
+    notes, swapped, leaps = [], {name: set[int]() for name in positions}, dict.fromkeys(positions, 0)
     for a, b in combinations(positions, 2):
         rows = np.flatnonzero(np.isfinite(positions[a] + positions[b]).all(axis=1))
         steps = _swaps(positions[a][rows], positions[b][rows])
@@ -93,6 +93,7 @@ def doubts(path: Path, time_s: np.ndarray, positions: Mapping[str, np.ndarray]) 
         speed = step_m / np.diff(time_s[rows])
         fast = [k for k in np.flatnonzero(speed > JUMP_SPEED_M_PER_S) if rows[k + 1] not in swapped[name]]
         jumps = [k for k in fast if _stands_out(step_m, int(k))]
+        leaps[name] = len(jumps)
         if jumps:
             worst = max(jumps, key=lambda k: step_m[k])
             within_ms = MS_PER_S * (time_s[rows[worst + 1]] - time_s[rows[worst]])
@@ -102,7 +103,8 @@ def doubts(path: Path, time_s: np.ndarray, positions: Mapping[str, np.ndarray]) 
                 f"({speed[worst]:.2g} m/s) at {time_s[rows[worst + 1]]:.4g} s{others}; above {JUMP_SPEED_M_PER_S:g} m/s it is no "
                 f"movement of a tongue; leave the cells of a lost marker empty."
             )
-    return notes + _repeats(path, time_s, positions)
+    jumping = {name for name in positions if swapped[name] or leaps[name]}
+    return notes + _repeats(path, time_s, positions, jumping)
 
 
 def _stands_out(steps: np.ndarray, number: int) -> bool:
@@ -120,8 +122,8 @@ def _swaps(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return np.array([k for k in np.flatnonzero(both) if all(_stands_out(steps, int(k)) for steps in own)], dtype=int)
 
 
-def _repeats(path: Path, time_s: np.ndarray, positions: Mapping[str, np.ndarray]) -> list[str]:
-    """Markers whose coordinates repeat exactly while another one moves."""
+def _repeats(path: Path | str, time_s: np.ndarray, positions: Mapping[str, np.ndarray], jumping: set[str]) -> list[str]:
+    """Markers whose coordinates repeat exactly while another one moves, and does not jump."""
     notes = []
     for name, place in positions.items():
         same = np.append(False, (np.diff(place, axis=0) == 0.0).all(axis=1))
@@ -132,7 +134,7 @@ def _repeats(path: Path, time_s: np.ndarray, positions: Mapping[str, np.ndarray]
             for start, end in spans
             if any(
                 np.isfinite(part).any() and np.nanmax(np.ptp(part, axis=0)) > MOVES_M
-                for part in (other[start : end + 1] for key, other in positions.items() if key != name)
+                for part in (other[start : end + 1] for key, other in positions.items() if key not in (name, *jumping))
             )
         ]
         if moving:

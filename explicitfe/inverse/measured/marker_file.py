@@ -35,11 +35,13 @@ class Markers(NamedTuple):
     time_s : (k,).
     coordinates_mm : name of a marker -> axis (x, y, z, or a direction such as up) -> (k,), nan where a value is missing.
     notes : sentences on what was omitted or interpreted.
+    up : vertical axis that the file states, such as "+Z"; empty if it states none.
     """
 
     time_s: np.ndarray
     coordinates_mm: dict[str, dict[str, np.ndarray]]
     notes: list[str]
+    up: str = ""
 
 
 def content_of(path: Path, largest_bytes: int = LARGEST_RECORDING_MIB * 2**20, first: int | None = None) -> bytes:

@@ -119,7 +119,7 @@ def _in_several_lines(
         else:
             above, unit_above = _name_and_unit(named[k])
             alone = f"{sensor} {kinds[k] if kinds else ''} {name}" if axis else name or (kinds and kinds[k]) or above
-            columns.append(MarkerColumn(k, alone.strip(), "", unit or unit_above))
+            columns.append(MarkerColumn(k, alone.strip(), "", units[k] or unit or unit_above))
     return columns
 
 

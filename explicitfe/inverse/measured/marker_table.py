@@ -124,7 +124,10 @@ def read_marker_table(path: Path, *, unit: str | None = None, rate_hz: float | N
         return Markers(np.arange(len(sheet.rows), dtype=float), coordinates, notes)
     time_s, used = _times(sheet, others, rate_hz, notes)
     qualities = {column for column, _ in quality.values()}
-    if extra := [c.sensor for c in others if c not in used and c.axis != LIKELIHOOD and c.sensor not in qualities]:
+    ignored = [
+        c for c in sorted(others, key=lambda c: c.number) if c not in used and c.axis != LIKELIHOOD and c.sensor not in qualities
+    ]
+    if extra := [f"{c.sensor} {c.axis}".strip() for c in ignored]:
         notes.append(f"{path}: columns that are no coordinates are ignored: {some_names(extra)}.")
     return Markers(time_s, coordinates, notes)
 

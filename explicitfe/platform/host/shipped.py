@@ -13,6 +13,9 @@ from typing import Literal
 from explicitfe.platform.errors import InputError, nearest, shortened
 
 DATASET_FILE = "dataset.toml"
+# Files that may be recordings of markers: text tables, and those of programs that record nothing else.
+TABLE_SUFFIXES = (".csv", ".txt", ".tsv")
+MARKER_SUFFIXES = (".c3d", ".trc", ".mot", ".sto", ".pos", ".mat")
 _PACKAGE = Path(__file__).resolve().parents[2]
 
 

@@ -358,6 +358,21 @@ def test_sensors_near_a_line_are_not_turned_upside_down(result: Path, tmp_path: 
     assert planar.registration.rotation[2][2] > 0.9
 
 
+@pytest.mark.parametrize("axes", ["front,right,up", "back,right,down"])
+def test_a_turned_recording_is_not_compared(axes: str, result: Path, tmp_path: Path) -> None:
+    """The limit of new dataset holds here, also for two coordinates that point down."""
+    times_s, positions = places()
+    named = read_coils(write_csv(tmp_path / "a.csv", times_s, positions), axes=axes)
+    with pytest.raises(InputError, match=r"the recording (is mirrored|fits the model only if it is turned)"):
+        compare_recording(result, named, MAPPING)
+    arch = {"T1": [0.0, 0.0, 0.0], "T2": [0.02, 0.0, 0.02], "T3": [0.04, 0.0, 0.02]}
+    down = {name: np.array(arch[name]) * [1.0, 0.0, -1.0] + 0.01 + 0.0 * positions[name] for name in arch}
+    with pytest.raises(InputError, match=r"turned by .* axis"):
+        compare_recording(
+            result, write_csv(tmp_path / "b.csv", times_s, down, axes="xz"), {"tip": "T1", "front": "T2", "dorsum": "T3"}
+        )
+
+
 def test_a_planar_recording_may_point_forward(result: Path, tmp_path: Path) -> None:
     """x grows to the front instead of the back: the recording is turned about the vertical axis, not upside down."""
     times_s, positions = places()

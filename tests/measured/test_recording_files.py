@@ -9,9 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 import recordings as files
+from command import command
 from recordings import NAMES, RATE_HZ, movement, table
 
 from explicitfe.inverse.measured.coils import Coils, read_coils
+from explicitfe.inverse.measured.registration import check_directions, procrustes
+from explicitfe.inverse.measured.tables import RegistrationTable
 from explicitfe.platform.errors import InputError
 
 LOST = slice(20, 30)  # rows without the first coil
@@ -62,7 +65,7 @@ FORMS = {
     "sto of vectors": form("a.sto", files.sto, lost_as=0.0, notes=ZERO, vectors=True),
     "sto with nan": form("a.mot", lambda t, p: files.sto(t, p).replace("\t\t\t", "\tNaN\tNaN\tNaN")),
     "motive": form("a.csv", files.motive),
-    "motive with a rigid body": form("a.csv", files.motive, body=True, start=500, notes=("expected positions are ignored",)),
+    "motive with a rigid body": form("a.csv", files.motive, body=True, start=500, notes=("ignored: Head Rotation X",)),
     "motive in millimetres": form("a.csv", files.motive, unit="Millimeters"),
     "qualisys": form("a.tsv", files.qtm, leading=1),
     "qualisys with zeros, no labels": form("a.tsv", files.qtm, leading=0, labels=False, lost_as=0.0, notes=ZERO),
@@ -93,7 +96,7 @@ FORMS = {
     "lines above": form("a.csv", table, above=["Recording of a tongue", "", "Rate;200;Hz"]),
     "no times": form("a.csv", table, time=None, options={"rate_hz": RATE_HZ}),
     "lines end with separators": form("a.csv", lambda t, p: table(t, p).replace("\n", ",,\n")),
-    "a status of words and forces": form("a.csv", with_extra_columns, notes=("ignored: status, FP1 x.",)),
+    "a status of words and forces": form("a.csv", with_extra_columns, notes=("ignored: status, FP1_x.",)),
     "minus one metre is lost": form("a.csv", table, lost_as=-1000.0, notes=("one number",)),
     "-16512 is lost": form("a.csv", table, lost_as=-16512.0, notes=("one number in all coordinates (-16512 mm) in 10 rows",)),
     "far from the origin": form("a.csv", table, places=lambda places: places + [3000.0, -1500.0, 900.0]),
@@ -156,11 +159,11 @@ REFUSED = {
     "qualisys that ends early": (form("a.tsv", files.qtm, count=60), "ends after 57 of 60 rows (NO_OF_FRAMES)"),
     "joint angles": (
         form("a.mot", lambda t, p: "Coordinates\nnRows=3\nendheader\ntime\tknee\thip\n" + "0\t1\t2\n" * 3),
-        "no positions of points, only time, knee, hip",
+        "body kinematics analysis. Columns: time, knee, hip.",
     ),
     "pixels": (form("a.csv", files.deeplabcut), 'the unit "px" is no unit of length; give `unit`'),
     "no rate": (form("a.csv", files.deeplabcut, options={"unit": "0.2mm"}), "give the sampling rate with `rate_hz`"),
-    "a word in a row": (form("a.csv", table_with(9, "0.04,OVER,2,3,1,2,3,1,2,3,1,2,3")), 'line 10: "OVER" in the column "TT x"'),
+    "a word in a row": (form("a.csv", table_with(9, "0.04,OVER,2,3,1,2,3,1,2,3,1,2,3")), 'line 10: "OVER" in the column "TT_x"'),
     "a repeated header": (form("a.csv", table_with(9, "time_s,TT_x_mm")), 'line 10: "time_s,TT_x_mm" is no row of the table'),
     "a short row": (form("a.csv", table_with(9, "0.04,1,2,3")), "line 10: 4 cells, and other rows have 13"),
     "displacements": (form("a.csv", table, places=lambda p: p - p[0]), "all sensors are at (0, 0, 0) in the first row"),
@@ -179,3 +182,68 @@ def test_others_are_refused_with_the_cause(name: str, tmp_path: Path) -> None:
         read(form, tmp_path, lost=False)
     assert str(error.value).startswith(str(tmp_path / form.file)) and sentence in str(error.value)
     assert "\n" not in str(error.value)
+
+
+def swap(places: np.ndarray) -> None:
+    places[20:40, [0, 1]] = places[20:40, [1, 0]]
+
+
+def leap(places: np.ndarray) -> None:
+    places[30:, 1] += 15.0
+
+
+def freeze(places: np.ndarray) -> None:
+    places[20:45, 2] = places[20, 2]
+
+
+@pytest.mark.parametrize(
+    ("spoil", "sentences"),
+    [
+        (lambda places: None, []),
+        (swap, ["TT and TB appear to be interchanged from 0.1 to 0.2 s"]),
+        (leap, ["TB jumps by 25.8 mm within 5 ms (5.2 m/s) at 0.15 s; above 1 m/s it is no movement of a tongue"]),
+        (freeze, ["TD keeps exactly the same position in 25 rows from 0.1 s on while other sensors move"]),
+    ],
+)
+def test_markers_that_are_not_what_they_seem_are_named(
+    spoil: Callable[[np.ndarray], None], sentences: list[str], tmp_path: Path
+) -> None:
+    """By each command that uses them, which is what ``select`` is for."""
+    times_s, places = movement()
+    spoil(places)
+    path = tmp_path / "a.csv"
+    path.write_text(table(times_s, places), encoding="utf-8")
+    notes = read_coils(path).select(NAMES).notes
+    assert len(notes) == len(sentences) and all(
+        note.startswith(f"{path}: {text}") for note, text in zip(notes, sentences, strict=True)
+    )
+
+
+AXES_OF_THE_SPEAKER = {
+    "back,right,up": "", "front,right,up": "turned by 180°, mainly about the vertical axis",
+    "back,right,down": "turned by", "front,left,up": "turned by 180°, mainly about",
+    "up,right,back": "turned by", "back,up,right": "turned by",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("axes", AXES_OF_THE_SPEAKER)
+def test_a_turned_or_mirrored_recording_is_refused(axes: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    times_s, places = movement()
+    (tmp_path / "a.csv").write_text(table(times_s, places), encoding="utf-8")
+    points = [f"--map={point}={sensor}" for point, sensor in zip(("tip", "front", "dorsum", "back"), NAMES, strict=True)]
+    words = [str(tmp_path / "a.csv"), "--test", "trajectory", "--scenario", "vowel-i", *points, "--axes", axes]
+    refused = AXES_OF_THE_SPEAKER[axes]
+    assert command(["new", "dataset", *words, "--out", str(tmp_path / "b")]) == (2 if refused else 0)
+    assert refused in capsys.readouterr().err
+
+
+def test_a_mirror_image_out_of_one_plane_is_refused() -> None:
+    """The signs of one axis are reversed: no rotation brings it back."""
+    model = np.array([[0.0, 0.0, 0.0], [0.05, 0.0, 0.0], [0.0, 0.04, 0.0], [0.0, 0.0, 0.03]])
+    for seen, refused in ((model, False), (model * [1.0, -1.0, 1.0], True)):
+        fitted = procrustes(RegistrationTable(rotation="fit", translation="fit"), model, seen)
+        if not refused:
+            check_directions(Path("a.csv"), fitted, model, seen, seen, "cartesian", False)
+            continue
+        with pytest.raises(InputError, match=r"a\.csv: the recording is mirrored: its mirror image fits the model within"):
+            check_directions(Path("a.csv"), fitted, model, seen, seen, "cartesian", False)

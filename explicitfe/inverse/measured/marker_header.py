@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from explicitfe.inverse.measured.quantities import unit_of
-from explicitfe.platform.errors import InputError
+from explicitfe.platform.errors import InputError, shortened
 
 # Axis of a column -> axis of the model (x backwards, y to the speaker's right, z up), and sign.
 ANATOMICAL_AXES = {
@@ -19,6 +19,17 @@ ANATOMICAL_AXES = {
 CARTESIAN_AXES = {"x": (0, 1.0), "y": (1, 1.0), "z": (2, 1.0)}
 AXES = ANATOMICAL_AXES | CARTESIAN_AXES
 LIKELIHOOD = "likelihood"
+_ALL = "|".join(AXES)
+# Sensor and axis in one name. All but the first reading need two axes of the sensor: "apex" is no axis x of "ape".
+_COORDINATES = (
+    re.compile(rf"(?P<sensor>.+?)[_ .:-](?P<axis>{_ALL})", re.IGNORECASE),
+    re.compile(rf"(?P<axis>{_ALL})[_ .:-](?P<sensor>.+)", re.IGNORECASE),
+    re.compile(r"(?P<sensor>.+)(?P<axis>[xyzXYZ])"),
+    re.compile(r"(?P<axis>[xyzXYZ])(?P<sensor>.+)"),
+)
+_NO_POSITION = re.compile(
+    r"(.*[_ .:-])?(q|quat\w*|rot\w*|euler|angles?|vel\w*|speed|acc\w*|forces?|moments?|torque|orientation)", re.IGNORECASE
+)
 _KEY_OF_QTM = re.compile(r"[A-Z]+_?[A-Z_]+")
 # "TT_x (mm)", "TT_x [mm]", "TT_x / mm", "TT_x, mm", "TT_x_mm": a name and a unit.
 _NAMED_UNITS = (
@@ -63,63 +74,75 @@ ANY_TABLE = Layout("", "")
 
 @dataclass(frozen=True)
 class MarkerColumn:
-    """A column by its number, the words of the header, and the axis; empty if it is none."""
+    """A column by its number. ``axis`` is empty if it is no coordinate; ``name`` is then what the header says."""
 
     number: int
-    sensor: str
+    name: str  # of the sensor
     axis: str
     unit: str
-    kind: str = ""
+
+    @property
+    def words(self) -> str:
+        """Name for messages."""
+        return shortened(f"{self.name}_{self.axis}" if self.axis else self.name)
 
 
 def columns_of(path: Path, lines: Sequence[list[str]], width: int) -> list[MarkerColumn]:
     """Sensor, axis and unit of each column, from the lines of the header."""
-    head = [row + [""] * (width - len(row)) for row in lines]
-    names = next((row[1:] for row in head if row[0] == "MARKER_NAMES"), None)
-    if names is not None and _KEY_OF_QTM.fullmatch(head[-1][0]):
-        names = [name for name in names if name]
-        before: list[str] | None = {0: [], 1: ["Frame"], 2: ["Frame", "Time"]}.get(width - 3 * len(names))
+    head = [row + [""] * (width - len(row)) for row in lines if len(row) <= width] or [[""] * width]
+    names = next((row[1:] for row in lines if row[0] == "MARKER_NAMES"), None)
+    if names is not None and _KEY_OF_QTM.fullmatch(lines[-1][0]):
+        before = {0: [], 1: ["Frame"], 2: ["Frame", "Time"]}.get(width - 3 * len(names))
         if before is None:
             what = f"{width} columns are not three for each of the {len(names)} MARKER_NAMES"
             raise InputError(f"{path}: {what}; export positions (3D) with a column header.")
         head = [[*before, *(f"{name} {axis}" for name in names for axis in "XYZ")]]
-    head = [row for row in head if len(row) == width] or [[""] * width]
     units = [""] * width
     if len(head) > 1 and sum(map(bool, head[-1])) > 1 and all(not cell or _bare_unit(cell) for cell in head[-1]):
-        units, head = [_bare_unit(cell) for cell in head[-1]], head[:-1]
+        units = [_bare_unit(cell) for cell in head.pop()]
+    split = [_name_and_unit(cell) for cell in head[-1]]
     axes = [_axis(cell) for cell in head[-1]]
     if sum(map(bool, axes)) > 1:
         labels = {next((cell for cell in row if cell), "").lower(): row for row in head[:-1]}
         above = (row for row in head[-2::-1] if any(cell and axis for cell, axis in zip(row, axes, strict=True)))
-        named = next((labels[label] for label in ("name", "bodyparts", "frame#") if label in labels), None) or next(above, None)
-        if named is not None:
-            return _in_several_lines(head, named, labels, axes, units)
-    columns = []
-    for k, cell in enumerate(head[-1]):
-        name, unit = _name_and_unit(cell)
-        columns.append(MarkerColumn(k, name or f"column {k + 1}", "", units[k] or unit))
+        sensors = next((labels[label] for label in ("name", "bodyparts", "frame#") if label in labels), None) or next(above, None)
+        if sensors is not None:
+            return _below_sensors(head, sensors, labels, axes, [own or unit for own, (_, unit) in zip(units, split, strict=True)])
+    columns = [MarkerColumn(k, name or f"column {k + 1}", "", units[k] or unit) for k, (name, unit) in enumerate(split)]
+    for number, pattern in enumerate(_COORDINATES):
+        matches = {column: match for column in columns if (match := pattern.fullmatch(column.name))}
+        coordinates = {c: (match["sensor"].strip(), match["axis"].lower()) for c, match in matches.items()}
+        several = [sensor for sensor, _ in coordinates.values()]
+        coordinates = {
+            column: (sensor, axis)
+            for column, (sensor, axis) in coordinates.items()
+            if not _NO_POSITION.fullmatch(sensor) and (number == 0 or several.count(sensor) > 1)
+        }
+        if coordinates:
+            return [replace(c, name=coordinates[c][0], axis=coordinates[c][1]) if c in coordinates else c for c in columns]
     return columns
 
 
-def _in_several_lines(
-    head: list[list[str]], named: list[str], labels: dict[str, list[str]], axes: Sequence[str], units: Sequence[str]
+def _below_sensors(
+    head: list[list[str]], sensors: list[str], labels: dict[str, list[str]], axes: Sequence[str], units: Sequence[str]
 ) -> list[MarkerColumn]:
     """Columns whose sensor stands above the axis, once for all its axes or above each of them."""
-    kinds, types = next((row for row in head if "Position" in row), None), labels.get("type")
+    kinds, types = next((row for row in head if "Position" in row), None), labels.get("type", [])
     people = labels.get("individuals", [])
     several = len({cell for cell in people[1:] if cell}) > 1
     columns, sensor = [], ""
     for k, cell in enumerate(head[-1]):
-        name, unit = _name_and_unit(cell)
-        axis = axes[k] or (name.lower() if name.lower() == LIKELIHOOD else "")
-        sensor = named[k] or (sensor if axis else "")
-        if axis and (kinds is None or kinds[k] == "Position"):
-            whole = f"{people[k]} {sensor}" if several else sensor
-            columns.append(MarkerColumn(k, whole, axis, units[k] or unit, types[k] if types else "Marker"))
+        own, unit_above = _name_and_unit(sensors[k])
+        axis = LIKELIHOOD if cell.lower() == LIKELIHOOD else axes[k]
+        sensor = sensors[k] or (sensor if axis else "")
+        # Motive: where a solved body expects a marker that was seen.
+        expected = bool(types) and types[k] in ("Rigid Body Marker", "Bone Marker") and "Marker" in types
+        if axis and (kinds is None or kinds[k] == "Position") and not expected:
+            columns.append(MarkerColumn(k, f"{people[k]} {sensor}" if several else sensor, axis, units[k]))
         else:
-            above, unit_above = _name_and_unit(named[k])
-            alone = f"{sensor} {kinds[k] if kinds else ''} {name}" if axis else name or (kinds and kinds[k]) or above
-            columns.append(MarkerColumn(k, alone.strip(), "", units[k] or unit or unit_above))
+            what = f"{sensor} {types[k] if expected else kinds[k] if kinds else ''} {cell}" if axis else ""
+            name = what or _name_and_unit(cell)[0] or (kinds and kinds[k]) or own
+            columns.append(MarkerColumn(k, name, "", units[k] or unit_above))
     return columns
 
 

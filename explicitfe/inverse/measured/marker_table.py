@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import csv
 import re
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -30,21 +30,9 @@ LARGEST_DIFFERENCE_OF_RATES_SHARE = 0.02
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 _NO_VALUE = {"", "-", "--", "nan", "n/a", "na", "null", "none", "missing", "inf", "-inf"}
 _FRAME = re.compile(r"(frame|field)s?\W*|coords", re.IGNORECASE)
-_STATUS = re.compile(r"(?P<sensor>.+?)[_ .:-](status|state)", re.IGNORECASE)
+_STATUS = re.compile(r"(.+?)[_ .:-](status|state)", re.IGNORECASE)
 _STATUS_OK = {"ok", "55", ""}  # the number of old programs of NDI
-_ALL = "|".join(AXES)
-# Sensor and axis in one name. All but the first reading need two axes of the sensor: "apex" is no axis x of "ape".
-_COORDINATES = (
-    re.compile(rf"(?P<sensor>.+?)[_ .:-](?P<axis>{_ALL})", re.IGNORECASE),
-    re.compile(rf"(?P<axis>{_ALL})[_ .:-](?P<sensor>.+)", re.IGNORECASE),
-    re.compile(r"(?P<sensor>.+)(?P<axis>[xyzXYZ])"),
-    re.compile(r"(?P<axis>[xyzXYZ])(?P<sensor>.+)"),
-)
-_NO_POSITION = re.compile(
-    r"(.*[_ .:-])?(q|quat\w*|rot\w*|euler|angles?|vel\w*|speed|acc\w*|forces?|moments?|torque|orientation)", re.IGNORECASE
-)
-# Motive: markers that were seen come before those that a solved body should have.
-_KINDS = ("marker", "unlabeled marker", "rigid body", "rigid body marker", "bone", "bone marker")
+_SYMBOLS = {"meters": "m", "centimeters": "cm", "millimeters": "mm", "inches": "in"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,9 +71,8 @@ class _Sheet:
             if _NUMBER.fullmatch(cell):
                 values[k] = float(cell)
             elif cell.lower() not in _NO_VALUE:
-                name = f"{column.sensor} {column.axis}".strip()
                 raise InputError(
-                    f'{self.path}, line {self.lines[k]}: "{shortened(cell)}" in the column "{shortened(name)}" is no number; '
+                    f'{self.path}, line {self.lines[k]}: "{shortened(cell)}" in the column "{column.words}" is no number; '
                     f"leave the cell empty where a value is missing."
                 )
         return values
@@ -108,28 +95,30 @@ def read_marker_table(path: Path, *, unit: str | None = None, rate_hz: float | N
     advice = "export the table as plain text (.csv, .txt), with fewer rows"
     sheet = _sheet(path, text_of(path, advice, largest_bytes=LARGEST_RECORDING_MIB * 2**20, of_other_programs=True))
     columns = columns_of(path, sheet.head, len(sheet.rows[0]))
-    sensors, others = _sensors(sheet, columns, trace, notes)
-    quality = _quality(sheet, columns, others)
-    coordinates = {name: _lengths(sheet, axes, unit, notes) for name, axes in sensors.items()}
-    for name, (column, usable) in quality.items():
+    if trace and not any(column.axis for column in columns):
+        columns = [replace(c, name=path.stem, axis=c.name.lower()) if c.name.lower() in AXES else c for c in columns]
+    sensors = _sensors(sheet, columns)
+    coordinates = {name: {axis: _lengths(sheet, c, unit, notes) for axis, c in axes.items()} for name, axes in sensors.items()}
+    read = [column for axes in sensors.values() for column in axes.values()]
+    for name, column, usable in _quality(sheet, columns):
+        read.append(column)
         if name in coordinates:
-            finite = np.isfinite(list(coordinates[name].values())).all(axis=0)
-            if lost := int((finite & ~usable).sum()):
-                notes.append(f'{path}: {name} is missing in {lost} rows, by the column "{shortened(column)}".')
+            lost = np.isfinite(list(coordinates[name].values())).all(axis=0) & ~usable
+            if lost.any():
+                notes.append(f'{path}: {name} is missing in {lost.sum()} rows, by the column "{column.words}".')
             coordinates[name] = {axis: np.where(usable, values, np.nan) for axis, values in coordinates[name].items()}
     if sheet.layout.image and all(set(axes) == {"x", "y"} for axes in coordinates.values()):
         notes.append(f"{path}: y of a picture points down; its sign is reversed.")
         coordinates = {name: {"x": axes["x"], "y": -axes["y"]} for name, axes in coordinates.items()}
     if trace:
         return Markers(np.arange(len(sheet.rows), dtype=float), coordinates, notes)
+    others = [column for column in columns if column not in read]
     time_s, used = _times(sheet, others, rate_hz, notes)
-    qualities = {column for column, _ in quality.values()}
-    ignored = [
-        c for c in sorted(others, key=lambda c: c.number) if c not in used and c.axis != LIKELIHOOD and c.sensor not in qualities
-    ]
-    if extra := [f"{c.sensor} {c.axis}".strip() for c in ignored]:
+    if extra := [column.words for column in others if column not in used]:
         notes.append(f"{path}: columns that are no coordinates are ignored: {some_names(extra)}.")
-    return Markers(time_s, coordinates, notes)
+    return Markers(
+        time_s, {plain: coordinates[name] for plain, name in zip(plain_names([*sensors]), sensors, strict=True)}, notes
+    )
 
 
 def _sheet(path: Path, text: str) -> _Sheet:
@@ -155,7 +144,10 @@ def _sheet(path: Path, text: str) -> _Sheet:
     for row in cells:  # exports to spreadsheets end all lines with separators
         while len(row) > 1 and not row[-1]:
             row.pop()
-    begin = _begin(cells, decimal_comma)
+    counts = [(sum(_is_number(cell, decimal_comma) for cell in row), sum(map(_is_text, row))) for row in cells]
+    filled = [k for k, row in enumerate(cells) if any(row)]
+    full = [2 * counts[k][0] > counts[k][1] for k in filled]  # two such rows follow the first row of the table
+    begin = next((k for n, k in enumerate(filled[:-2]) if counts[k][0] > 1 and all(full[n : n + 3])), None)
     if begin is None:
         raise InputError(
             f"{path}: no table of numbers found; export one as text, with a column for each coordinate and at least "
@@ -166,8 +158,7 @@ def _sheet(path: Path, text: str) -> _Sheet:
     head = [row for row in cells[:begin] if any(row)]
     rows = [k for k in range(begin, len(cells)) if lines[k].strip(" ")]
     for k in rows:
-        numbers, texts = (sum(map(test, cells[k])) for test in (lambda cell: _is_number(cell, decimal_comma), _is_text))
-        if texts - numbers > numbers:
+        if counts[k][1] > 2 * counts[k][0]:
             raise InputError(
                 f'{path}, line {k + 1}: "{shortened(lines[k])}" is no row of the table that begins in line {begin + 1}; '
                 f"remove it, or export the recording again."
@@ -198,118 +189,54 @@ def _is_text(cell: str) -> bool:
     return cell.lower() not in _NO_VALUE
 
 
-def _begin(cells: Sequence[list[str]], decimal_comma: bool) -> int | None:
-    """Number of the first row of numbers that two others follow."""
-
-    filled = [k for k, row in enumerate(cells) if any(row)]
-    numbers = [sum(_is_number(cell, decimal_comma) for cell in cells[k]) for k in filled]
-    rows = [2 * number > sum(map(_is_text, cells[k])) for k, number in zip(filled, numbers, strict=True)]
-    return next((filled[k] for k in range(len(rows) - 2) if numbers[k] >= 2 and all(rows[k : k + 3])), None)
-
-
-def _sensors(
-    sheet: _Sheet, columns: Sequence[MarkerColumn], trace: bool, notes: list[str]
-) -> tuple[dict[str, dict[str, MarkerColumn]], list[MarkerColumn]]:
-    """Sensor -> axis -> column, and the columns that are no coordinates."""
+def _sensors(sheet: _Sheet, columns: Sequence[MarkerColumn]) -> dict[str, dict[str, MarkerColumn]]:
+    """Sensor -> axis -> column; where some columns are lengths, those of another unit are left out."""
     sensors: dict[str, dict[str, MarkerColumn]] = {}
-    if any(column.axis for column in columns):
-        sensors, others = _of_axes(sheet, [column for column in columns if column.axis and column.axis != LIKELIHOOD], notes)
-        return sensors, [*others, *(column for column in columns if column.axis in ("", LIKELIHOOD))]
-    if trace and (bare := {column.sensor.lower(): column for column in columns if column.sensor.lower() in AXES}):
-        return {sheet.path.stem: bare}, []
-    for number, pattern in enumerate(_COORDINATES):
-        matches = [(column, pattern.fullmatch(column.sensor)) for column in columns]
-        split = [
-            MarkerColumn(column.number, match["sensor"].strip(), match["axis"].lower(), column.unit, "Marker")
-            for column, match in matches
-            if match and not _NO_POSITION.fullmatch(match["sensor"].strip())
-        ]
-        axes = {name: {c.axis for c in split if c.sensor == name} for name in (c.sensor for c in split)}
-        split = [column for column in split if number == 0 or len(axes[column.sensor]) > 1]
-        if split:
-            sensors, others = _of_axes(sheet, split, notes)
-            numbers = {column.number for column in split}
-            return sensors, [*others, *(column for column in columns if column.number not in numbers)]
-    bare_axes = any(column.sensor.lower() in AXES for column in columns)
-    names = some_names([column.sensor for column in columns])
-    if sheet.layout.program == "OpenSim":
-        raise InputError(
-            f"{sheet.path}: the file has no positions of points, only {names}; give positions (.trc), or those of a point or "
-            f"body kinematics analysis."
-        )
-    raise InputError(
-        f"{sheet.path}: no column is a coordinate of a sensor; name them SENSOR_AXIS_UNIT, such as T1_x_mm or TT_up_mm. "
-        f"Columns: {names}.{' A trace of the palate is drawn by `compare --palate`.' if bare_axes else ''}"
-    )
-
-
-def _of_axes(
-    sheet: _Sheet, columns: Sequence[MarkerColumn], notes: list[str]
-) -> tuple[dict[str, dict[str, MarkerColumn]], list[MarkerColumn]]:
-    """Sensor -> axis -> column; one of several kinds of points of one name, and columns that are no lengths, are left out."""
-    lengths = [column for column in columns if not column.unit or unit_of("displacement", column.unit)]
-    columns, others = (lengths, [c for c in columns if c not in lengths]) if lengths else (columns, [])
-    rank = {name: min(_rank(c.kind) for c in columns if c.sensor == name) for name in {c.sensor for c in columns}}
-    if expected := [c for c in columns if _rank(c.kind) > rank[c.sensor]]:
-        notes.append(
-            f"{sheet.path}: expected positions are ignored where a marker was seen: "
-            f"{some_names(sorted({c.sensor for c in expected}))}."
-        )
-    sensors: dict[str, dict[str, MarkerColumn]] = {}
-    for column in columns:
-        if column in expected:
-            continue
-        axes = sensors.setdefault(column.sensor, {})
+    coordinates = [column for column in columns if column.axis not in ("", LIKELIHOOD)]
+    lengths = [column for column in coordinates if not column.unit or unit_of("displacement", column.unit)]
+    for column in lengths or coordinates:
+        axes = sensors.setdefault(column.name, {})
         if column.axis in axes:
-            name = f"{column.sensor}_{column.axis}"
-            raise InputError(f'{sheet.path}: two columns are called "{shortened(name)}"; give each sensor its own name.')
+            raise InputError(f'{sheet.path}: two columns are called "{column.words}"; give each sensor its own name.')
         axes[column.axis] = column
-    return dict(zip(plain_names([*sensors]), sensors.values(), strict=True)), others
+    if not sensors:
+        trace = any(column.name.lower() in AXES for column in columns)
+        advice = "name them SENSOR_AXIS_UNIT, such as T1_x_mm or TT_up_mm"
+        if sheet.layout.program == "OpenSim":
+            advice = "give positions (.trc), or those of a point or body kinematics analysis"
+        raise InputError(
+            f"{sheet.path}: no column is a coordinate of a sensor; {advice}. Columns: {some_names([c.name for c in columns])}."
+            f"{' A trace of the palate is drawn by `compare --palate`.' if trace else ''}"
+        )
+    return sensors
 
 
-def _rank(kind: str) -> int:
-    return _KINDS.index(kind.lower()) if kind.lower() in _KINDS else len(_KINDS)
-
-
-def _quality(sheet: _Sheet, columns: Sequence[MarkerColumn], others: Sequence[MarkerColumn]) -> dict[str, tuple[str, np.ndarray]]:
-    """Sensor -> column that says where its values are usable, and these rows."""
-    answer = {}
-    for column in others:
+def _quality(sheet: _Sheet, columns: Sequence[MarkerColumn]) -> Iterator[tuple[str, MarkerColumn, np.ndarray]]:
+    """Sensor, column that says where its values are usable, and these rows."""
+    for column in columns:
         if column.axis == LIKELIHOOD:
-            likelihood = sheet.values(column)
-            answer[plain_names([column.sensor])[0]] = f"likelihood below {LEAST_LIKELIHOOD:g}", ~(likelihood < LEAST_LIKELIHOOD)
-        elif match := _STATUS.fullmatch(column.sensor):
-            words = [row[column.number].lower() for row in sheet.rows]
-            answer[plain_names([match["sensor"]])[0]] = column.sensor, np.array([word in _STATUS_OK for word in words])
-    return answer
+            yield column.name, column, ~(sheet.values(column) < LEAST_LIKELIHOOD)
+        elif sheet.layout.program == "NDI Wave" and (match := _STATUS.fullmatch(column.name)):
+            yield match[1], column, np.array([row[column.number].lower() in _STATUS_OK for row in sheet.rows])
 
 
-def _lengths(sheet: _Sheet, axes: dict[str, MarkerColumn], unit: str | None, notes: list[str]) -> dict[str, np.ndarray]:
-    """Coordinates of a sensor in mm."""
+def _lengths(sheet: _Sheet, column: MarkerColumn, unit: str | None, notes: list[str]) -> np.ndarray:
+    """Coordinates in mm."""
     own = sheet.layout.unit
-    of_file = sheet.stated(own) if own[:1].isupper() else own
-    answer = {}
-    for axis, column in axes.items():
-        stated = column.unit or ("" if sheet.layout.program else unit or "")
-        name = f"{column.sensor}_{axis}"
-        if not stated and not sheet.layout.program:
-            raise InputError(
-                f'{sheet.path}: the unit of "{shortened(name)}" is not known; give `unit` mm or `unit` m, or name the column '
-                f"{shortened(name)}_mm."
-            )
-        if column.unit and unit_of("displacement", column.unit) is None:
-            valid = ", ".join(QUANTITIES["displacement"].units)
-            raise InputError(f'{sheet.path}: "{shortened(stated)}" of "{shortened(name)}" is no unit of length; use {valid}.')
-        notes_on_unit: list[str] = []
-        factor = mm_per_unit(sheet.path, stated or _singular(of_file), None if stated else unit, "", notes_on_unit)
-        notes += [note for note in notes_on_unit if note not in notes]
-        answer[axis] = factor * sheet.values(column)
-    return answer
-
-
-def _singular(unit: str) -> str:
-    """ "Meters", "Millimeters" as symbols."""
-    return {"meters": "m", "centimeters": "cm", "millimeters": "mm", "inches": "in"}.get(unit.lower(), unit)
+    of_file = _SYMBOLS.get(value.lower(), value) if (value := sheet.stated(own) if own[:1].isupper() else own) else ""
+    stated = column.unit or ("" if sheet.layout.program else unit or "")
+    if not stated and not sheet.layout.program:
+        raise InputError(
+            f'{sheet.path}: the unit of "{column.words}" is not known; give `unit` mm or `unit` m, or name the column '
+            f"{column.words}_mm."
+        )
+    if column.unit and unit_of("displacement", column.unit) is None:
+        valid = ", ".join(QUANTITIES["displacement"].units)
+        raise InputError(f'{sheet.path}: "{shortened(stated)}" of "{column.words}" is no unit of length; use {valid}.')
+    on_unit: list[str] = []
+    factor = mm_per_unit(sheet.path, stated or of_file, None if stated else unit, "", on_unit)
+    notes += [note for note in on_unit if note not in notes]
+    return factor * sheet.values(column)
 
 
 def _times(
@@ -323,15 +250,18 @@ def _times(
             f"{path}: the table ends after {count} of {stated:g} rows ({sheet.layout.rows.partition('|')[0]}); export the "
             f"recording again, or correct the number."
         )
-    frame = next((column for column in others if _FRAME.fullmatch(column.sensor)), None)
+    frame = next((column for column in others if _FRAME.fullmatch(column.name)), None)
     by_unit = [column for column in others if column.unit and unit_of("time", column.unit)]
-    named = [column for column in others if QUANTITIES["time"].names.search(column.sensor)]
+    named = [column for column in others if QUANTITIES["time"].names.search(column.name)]
     time = next(iter([c for c in named if c in by_unit] or named or (by_unit if len(by_unit) == 1 else [])), None)
     of_file = sheet.number(sheet.layout.rate)
     if rate_hz is not None or (time is None and of_file > 0.0):
         numbers = np.arange(count, dtype=float) if frame is None else sheet.values(frame)
         steps = np.diff(numbers)
         if not (np.median(steps) == 1.0 and (steps > 0.0).all()):
+            notes.append(
+                f"{path}: the numbers of the frames do not count the rows; {rate_hz or of_file:g} Hz is taken as their rate."
+            )
             numbers = np.arange(count, dtype=float)
         return (numbers - numbers[0]) / (rate_hz or of_file), [frame] if frame else []
     if time is None:
@@ -339,7 +269,7 @@ def _times(
     unit = unit_of("time", time.unit or ("s" if sheet.layout.program else ""))
     if unit is None:
         raise InputError(
-            f'{path}: the unit of "{shortened(time.sensor)}" is not known; name the column time_s or time_ms, or give the '
+            f'{path}: the unit of "{time.words}" is not known; name the column time_s or time_ms, or give the '
             f"sampling rate with `rate_hz`."
         )
     times = QUANTITIES["time"].units[unit] * sheet.values(time)

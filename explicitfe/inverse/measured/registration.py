@@ -128,7 +128,7 @@ def check_directions(
     fitted, model, seen : a free registration, and the points (k, 3) m that it was fitted to.
     sensors : (s, 3) mean positions; where they lie nearly on a line, a rotation about it says nothing.
     """
-    advice = "correct the axes (`axes`) or `mapping`, or take another time at which the speaker rests (`reference_s`)"
+    advice = "correct the axes (`axes`) or `mapping`, or take another time at which the speaker rests"
     mirror = np.array([1.0, -1.0, 1.0])
     other = procrustes(RegistrationTable(rotation="fit", translation="fit"), model, seen * mirror)
     distance, mirrored = (

@@ -138,7 +138,7 @@ def test_damaged_files_get_one_sentence(tmp_path: Path) -> None:
         with pytest.raises(InputError) as error:
             read_coils(path)
         assert str(error.value).startswith(f"{path}: ") and sentence in str(error.value)
-    for path, sentence in ((tmp_path / "none.c3d", "this cannot be read"), (tmp_path, "is no regular file")):
+    for path, sentence in ((tmp_path / "none.c3d", "this cannot be read"), (tmp_path, "this is a folder")):
         with pytest.raises(InputError, match=sentence):
             read_coils(path if path.suffix else path.rename(path.with_suffix(".c3d")))
 

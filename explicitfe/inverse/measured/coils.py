@@ -122,7 +122,7 @@ def read_coils(path: Path, *, unit: str | None = None, rate_hz: float | None = N
 
 def _reader(path: Path) -> Callable[..., Markers]:
     """The reader of a file, by its first bytes; AG500 and damaged files by their names."""
-    start, suffix = content_of(path, first=128), path.suffix.lower()
+    start, suffix = content_of(path)[:128], path.suffix.lower()
     if suffix == ".c3d" or (start[1:2] == b"\x50" and start[:1] < b" "):
         return read_c3d
     if start.startswith(b"AG50x") or suffix == ".pos":

@@ -50,7 +50,7 @@ def without_lost_markers(
         if usual.any():
             rows = np.arange(len(place))
             between = np.column_stack([np.interp(rows, rows[usual], column[usual]) for column in place.T])
-            lost |= equal & (np.linalg.norm(place - between, axis=1) > DETACHED_SHARE * np.linalg.norm(place, axis=1))
+            lost |= equal & (np.abs(place - between).max(axis=1) > DETACHED_SHARE * np.abs(place).max(axis=1))
         zero_first += bool(lost[0] and not lost[1:].any())
         near += bool(lost[0] and np.linalg.norm(place[1]) < JUMP_SPEED_M_PER_S * (time_s[1] - time_s[0]))
         seen = np.where(lost[:, None], np.nan, place)

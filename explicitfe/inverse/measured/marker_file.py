@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import io
 import re
-import stat
 from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -17,6 +16,7 @@ import numpy as np
 
 from explicitfe.inverse.measured.quantities import QUANTITIES, unit_of
 from explicitfe.platform.errors import InputError, shortened
+from explicitfe.platform.host.text import bytes_of
 
 # Ten minutes of 40 markers at 250 Hz have about 100 MiB.
 LARGEST_RECORDING_MIB = 128
@@ -44,30 +44,9 @@ class Markers(NamedTuple):
     up: str = ""
 
 
-def content_of(path: Path, largest_bytes: int = LARGEST_RECORDING_MIB * 2**20, first: int | None = None) -> bytes:
-    """Return the bytes of a regular file of limited size, or the first of them.
-
-    Raises
-    ------
-    InputError : the file cannot be read, is no regular file, or is larger.
-    """
-    try:
-        status = path.stat()
-        regular = stat.S_ISREG(status.st_mode)
-        content = b""
-        if regular and status.st_size <= largest_bytes:
-            with path.open("rb") as file:
-                content = file.read(-1 if first is None else first)
-    except OSError as error:
-        raise InputError(f"{path}: this cannot be read ({error.strerror}); give a recording.") from None
-    except ValueError:  # a NUL in the name
-        raise InputError(f"{str(path)!r}: this cannot be the name of a file; give a recording.") from None
-    if not regular:
-        raise InputError(f"{path}: this is no regular file; give a recording.")
-    if status.st_size > largest_bytes:
-        sizes = f"{status.st_size / 2**20:.0f} MiB, and no more than {largest_bytes / 2**20:.0f} MiB are read"
-        raise InputError(f"{path}: the file has {sizes}; export a part of the recording.")
-    return content
+def content_of(path: Path) -> bytes:
+    """The bytes of a recording."""
+    return bytes_of(path, "give a recording, or a part of it", LARGEST_RECORDING_MIB * 2**20)
 
 
 def mm_per_unit(path: Path, stated: str, unit: str | None, where: str, notes: list[str]) -> float:

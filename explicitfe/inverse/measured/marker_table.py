@@ -47,20 +47,20 @@ class _Sheet:
     lines: list[int]
     decimal_comma: bool
 
-    def stated(self, key: str) -> str:
+    def value_of(self, key: str) -> str:
         """Value of a key of the header; empty if there is none."""
         if not key:
             return ""
         if self.layout.below:
             for names, values in zip(self.head, self.head[1:], strict=False):
-                if key in names:
+                if key in names[: len(values)]:
                     return values[names.index(key)]
         match = re.search(rf"(?im)(?<![\w ])(?:{key})[ \t]*[=,;\t ][ \t]*\"?([^,;\t\r\n\"]+)", self.text)
         return match[1].strip() if match else ""
 
     def number(self, key: str) -> float:
         """Value of a key that is a number; nan if there is none."""
-        text = self.stated(key).replace(",", ".")
+        text = self.value_of(key).replace(",", ".")
         return float(text) if _NUMBER.fullmatch(text) else np.nan
 
     def values(self, column: MarkerColumn) -> np.ndarray:
@@ -223,7 +223,7 @@ def _quality(sheet: _Sheet, columns: Sequence[MarkerColumn]) -> Iterator[tuple[s
 def _lengths(sheet: _Sheet, column: MarkerColumn, unit: str | None, notes: list[str]) -> np.ndarray:
     """Coordinates in mm."""
     own = sheet.layout.unit
-    of_file = _SYMBOLS.get(value.lower(), value) if (value := sheet.stated(own) if own[:1].isupper() else own) else ""
+    of_file = _SYMBOLS.get(value.lower(), value) if (value := sheet.value_of(own) if own[:1].isupper() else own) else ""
     stated = column.unit or ("" if sheet.layout.program else unit or "")
     if not stated and not sheet.layout.program:
         raise InputError(

@@ -24,7 +24,7 @@ _STRESS_LIMITS_PA = (1e-2, 1e9)
 _STIFFNESS_LIMITS_PA = (10.0, 1e9)  # Stiffness is the largest stress over the largest strain.
 # A first value beyond this share of the largest one is no zero that drifts.
 FAR_FROM_ZERO_SHARE = 0.05
-_COORDINATE_LIMITS_MM = (0.2, 10_000.0)
+_COORDINATE_LIMITS_MM = (0.2, 5000.0)
 
 
 def check_units(csv: CurveCsv, setup: MergedTables) -> None:
@@ -44,9 +44,9 @@ def check_units(csv: CurveCsv, setup: MergedTables) -> None:
         if largest[row] < low:
             raise csv.fault(row, f"the largest coordinate is {largest[row]:.3g} mm, too small; give mm.")
         places = coordinates.reshape(-1, 3)
-        extent = float((np.nanmax(places, axis=0) - np.nanmin(places, axis=0)).max())
+        extent = float(np.linalg.norm(np.nanmax(places, axis=0) - np.nanmin(places, axis=0)))
         if extent > high:  # the origin may be far from the sensors
-            raise csv.fault(row, f"the sensors are up to {extent:.3g} mm apart along an axis, too large; give mm.")
+            raise csv.fault(row, f"the coordinates extend over {extent:.3g} mm, too much; give mm.")
     else:
         _check_homogeneous(csv)
 

@@ -41,6 +41,20 @@ def text_of(path: Path | str, advice: str, *, largest_bytes: int = LARGEST_TABLE
     ------
     InputError : the file is missing, is no regular file, is too large, or holds no UTF-8 text.
     """
+    raw = bytes_of(path, advice, largest_bytes)
+    if of_other_programs and raw[:2] in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE):
+        return raw.decode("utf-16", errors="replace")
+    try:
+        return raw.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        if of_other_programs:
+            return raw.decode("cp1252", errors="replace")
+        line = raw.count(b"\n", 0, error.start) + 1
+        raise InputError(f"{path}, line {line}: this is not UTF-8 text; save the file as UTF-8.") from None
+
+
+def bytes_of(path: Path | str, advice: str, largest_bytes: int) -> bytes:
+    """The bytes of a file; parameters and errors as of :func:`text_of`."""
     try:
         # Opening a pipe must not wait for someone to write into it.
         descriptor = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
@@ -65,15 +79,7 @@ def text_of(path: Path | str, advice: str, *, largest_bytes: int = LARGEST_TABLE
         raise InputError(
             f"{path}: the file has {size:.0f} MiB, and no more than {largest_bytes / 2**20:.0f} MiB are read; {advice}."
         )
-    if of_other_programs and raw[:2] in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE):
-        return raw.decode("utf-16", errors="replace")
-    try:
-        return raw.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        if of_other_programs:
-            return raw.decode("cp1252", errors="replace")
-        line = raw.count(b"\n", 0, error.start) + 1
-        raise InputError(f"{path}, line {line}: this is not UTF-8 text; save the file as UTF-8.") from None
+    return raw
 
 
 def toml_of(text: str, path: Path | str) -> dict[str, Any]:

@@ -278,7 +278,7 @@ def test_the_leak_of_a_result_over_time(tmp_path):
     with open_result(path) as result:
         history = leak_history(result, 4)
         assert history is not None
-        assert history.at(2).closed and history.way(3)[:2] == (history.width_m[3], 0.0)
+        assert history.at(2).closed and history.widest(3)[:2] == (history.width_m[3], 0.0)
         assert numbers_at(result, 0.0)["leak.width_mm"] == pytest.approx(1.3)
         assert numbers_at(result, 0.02)["leak.closed"] is True
         # The path lies on the roof where that is now.

@@ -169,14 +169,14 @@ def test_the_way_for_air_of_each_frame(stop: Path, monkeypatch: pytest.MonkeyPat
         history = leak_history(result, len(result.times) - 1)
         assert history is not None
         steps = [int(np.argmin(np.abs(1e3 * result.times - time))) for time in arrays["times"]]
-        ways = [history.way(step) for step in steps]
+        ways = [history.widest(step) for step in steps]
     drawn = arrays["leak"].reshape(len(steps), header["leak"], 3)
-    np.testing.assert_array_equal(arrays["leak_closed"] == 1, [way.width_m <= 3e-3 for way in ways])
+    np.testing.assert_array_equal(arrays["leak_closed"] == 1, [one.width_m <= 3e-3 for one in ways])
     assert 0 < arrays["leak_closed"].sum() < len(steps)
-    for line, way in zip(drawn, ways, strict=True):
-        np.testing.assert_allclose(line[[0, -1]], 1e3 * way.path[[0, -1]], atol=1e-3)
-        apart = np.linalg.norm(line[:, None] - 1e3 * way.path[None], axis=2).min(axis=1)
-        assert apart.max() <= 0.51 * 1e3 * np.linalg.norm(np.diff(way.path, axis=0), axis=1).max()
+    for line, one in zip(drawn, ways, strict=True):
+        np.testing.assert_allclose(line[[0, -1]], 1e3 * one.path[[0, -1]], atol=1e-3)
+        apart = np.linalg.norm(line[:, None] - 1e3 * one.path[None], axis=2).min(axis=1)
+        assert apart.max() <= 0.51 * 1e3 * np.linalg.norm(np.diff(one.path, axis=0), axis=1).max()
 
 
 def test_the_closed_samples_have_no_formants(stop: Path) -> None:

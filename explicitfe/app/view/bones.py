@@ -66,7 +66,7 @@ def mark_constriction(axes: Axes, result: Result, step: int) -> None:
     ends = 1e3 * np.stack([nearest.on_tongue, nearest.on_palate])
     axes.plot(*ends.T, "-o", color=CONSTRICTION, lw=2.0, ms=4.0, zorder=8, label="constriction")
     axes.annotate(
-        "closed" if leak is not None and leak.way(step).width_m <= TOUCHING_GAP_M else f"{1e3 * nearest.width:.1f} mm",
+        "closed" if leak is not None and leak.widest(step).width_m <= TOUCHING_GAP_M else f"{1e3 * nearest.width:.1f} mm",
         ends[1],
         (0.0, 10.0),
         textcoords="offset points",

@@ -174,8 +174,7 @@ class Bone:
         if not isinstance(mesh, HexMesh):
             raise InputError(f"Bone {name}: mesh must be a HexMesh, not {shortened(repr(mesh))}.")
         points = number_array(f"Bone {name}: points_m", points_m, ("n", 3))
-        corners = index_array(f"Bone {name}: triangles", triangles, len(points), "node", columns=3)
-        surface = TriangleSurface(points, corners)
+        surface = TriangleSurface(points, index_array(f"Bone {name}: triangles", triangles, len(points), "node", columns=3))
         return cls(name, bone_field(surface, f'bone "{name}"', mesh.points), surface, friction=friction, damping=damping)
 
 

@@ -111,7 +111,7 @@ def cut_pieces(result: Recorded, step: int, table: AirwayTable) -> list[Piece]:
     if not pieces:
         raise InputError(f"{result.path} has no airway: nothing of the tongue lies across it.")
     leak = leak_history(result, step)
-    return pieces if leak is None else limit_by_leak(pieces, 1e6 * leak.way(step).area_m2)
+    return pieces if leak is None else limit_by_leak(pieces, 1e6 * leak.widest(step).area_m2)
 
 
 def limit_by_leak(pieces: Sequence[Piece], leak_mm2: float) -> list[Piece]:

@@ -92,7 +92,7 @@ class LeakHistory:
         points, tongue = self._surfaces(step)
         return leak_in(self._grid, points, gaps_below(points, tongue, self._samples, self._grid.to_border))
 
-    def way(self, step: int) -> Way:
+    def widest(self, step: int) -> Way:
         """The widest way at a step."""
         return _way(*self._surfaces(step), self._samples, self._grid.to_border)
 
@@ -113,7 +113,7 @@ class LeakHistory:
 
     @cached_property
     def _sizes(self) -> np.ndarray:
-        return np.array([self.way(step)[:2] for step in range(len(self.times_s))])
+        return np.array([self.widest(step)[:2] for step in range(len(self.times_s))])
 
     def _surfaces(self, step: int) -> tuple[np.ndarray, np.ndarray]:
         """Points (n, 3) m of the grid, and triangles (m, 3 corners, 3) m of the tongue."""

@@ -127,9 +127,9 @@ def pack_leak(packed: Packed, result: Result, steps: np.ndarray) -> int | None:
     history = leak_history(result, int(steps[-1])) if is_mouth(result) else None
     if history is None:
         return None
-    ways = [history.way(int(step)) for step in steps]
-    packed.add("leak", 1e3 * np.stack([_evenly(way.path, LEAK_POINTS) for way in ways]), "<f4")
-    packed.add("leak_closed", np.array([way.width_m <= TOUCHING_GAP_M for way in ways]), "<u1")
+    ways = [history.widest(int(step)) for step in steps]
+    packed.add("leak", 1e3 * np.stack([_evenly(one.path, LEAK_POINTS) for one in ways]), "<f4")
+    packed.add("leak_closed", np.array([one.width_m <= TOUCHING_GAP_M for one in ways]), "<u1")
     return LEAK_POINTS
 
 

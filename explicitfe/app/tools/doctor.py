@@ -11,6 +11,7 @@ from pathlib import Path
 
 from explicitfe.app.view.opengl import tried_renderer
 from explicitfe.platform.compiled.cache import VARIABLE, temporary_folder
+from explicitfe.platform.compiled.jit import sample_compile_s
 from explicitfe.platform.compiled.threads import cores
 from explicitfe.platform.errors import Progress, silent
 from explicitfe.platform.host.code_cache import can_write, kernel_folder
@@ -34,6 +35,9 @@ USES = {
 # A run of the finest tongue mesh needs less memory, and its result less disk space.
 SMALLEST_MEMORY_BYTES = 2e9
 SMALLEST_ROOM_BYTES = 1e9
+# The kernels of a run of the tongue take so many times the CPU time of a small function, measured with numba 0.68.
+KERNELS_PER_SAMPLE = 375
+ROUND_TO_S = 5
 # A picture that takes longer is rendered by the processor instead of a graphics card.
 FAST_RENDERER_S = 10.0
 
@@ -117,8 +121,16 @@ def _kernels() -> Finding:
         return _finding(name, f"stored in the temporary folder {temporary}", "attention", advice)
     size = sum(file.stat().st_size for file in folder.rglob("*.nb[ic]")) if folder.is_dir() else 0
     if not size:
-        return _finding(name, f"none in {folder}", "absent", "`explicitfe warmup` compiles the usual ones in a few minutes.")
+        advice = (
+            f"the first run takes about {_first_run_s()} s more on this machine; `explicitfe warmup` compiles the usual ones."
+        )
+        return _finding(name, f"none in {folder}", "absent", advice)
     return _finding(name, f"{in_words(size)} in {folder}")
+
+
+def _first_run_s() -> int:
+    """Estimated time of the compilation at a first run, s: from the CPU time of a small function."""
+    return max(ROUND_TO_S, ROUND_TO_S * round(KERNELS_PER_SAMPLE * sample_compile_s() / min(2, cores()) / ROUND_TO_S))
 
 
 def _extras() -> Iterator[Finding]:

@@ -5,11 +5,14 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 from answers import check_answer
 from command import command
 from written_sweeps import FORCES, indices, write_sweep
 
+from explicitfe.app.view.page.sweep.heat_map import heat_maps
+from explicitfe.app.view.page.sweep.page import sweep_page
 from explicitfe.app.view.page.sweep.pictures import PICTURES, against, draw_sweep
 from explicitfe.platform.errors import InputError
 from explicitfe.simulate.sweep import members as designs
@@ -27,7 +30,8 @@ def test_the_command(folder, tmp_path, capsys):
     words = ["plot", str(folder), "--out", str(tmp_path), "--json"]
     assert command(words) == 0
     answer = check_answer("plot", capsys.readouterr().out)
-    assert [Path(path).name for path in answer["files"]] == ["draws-outlines.png", "draws-effects.png"]  # it has no indices
+    # The draws have no indices, and no two factors on a grid.
+    assert [Path(path).name for path in answer["files"]] == ["draws-outlines.png", "draws-effects.png"]
     assert answer["warnings"] == [] and all(Path(path).stat().st_size > 10_000 for path in answer["files"])
     assert command(words) == 2
     assert "add --overwrite" in capsys.readouterr().out
@@ -35,6 +39,21 @@ def test_the_command(folder, tmp_path, capsys):
     assert check_answer("plot", capsys.readouterr().out)["warnings"] == [f"{folder} has no data for: indices."]
     assert command(["plot", str(folder), "--times", "20"]) == 2
     assert "a sweep, which has no times" in capsys.readouterr().err
+
+
+def test_maps_over_two_factors(tmp_path):
+    """A cell is the mean of its runs; the rows of the page go from high to low, and both pictures come of the same numbers."""
+    members = designs.grid(factors_of(["muscle.GGp.force_N=1:3:3", "muscle.GGa.force_N=0,0.5"]))
+    sweep = sweep_to_draw(write_sweep(tmp_path / "grid", members, design="grid"))
+    one = next(iter(heat_maps(sweep)))
+    at = {tuple(map(float, pair)): value for pair, value in zip(members.values, one.measure.values, strict=True)}
+    assert one.mean.shape == (2, 3) and one.mean[1, 2] == at[3.0, 0.5] and one.mean[0, 1] == at[2.0, 0.0]
+    (top, cells), _ = one.table
+    assert top == "0.5" and float(cells[2][0]) == pytest.approx(at[3.0, 0.5], abs=0.006 * np.ptp(one.mean))
+    assert {strength for _, row in one.table for _, strength in row} >= {"6", "62"}
+    assert command(["plot", str(tmp_path / "grid"), "--only", "maps", "--json"]) == 0
+    text, _ = sweep_page(sweep)
+    assert text.count('class="heat"') == len(list(heat_maps(sweep))) and f'<th scope="row">{top}</th>' in text
 
 
 def test_two_columns_against_each_other(folder):

@@ -117,7 +117,6 @@ def define(
     InputError : the scenario or all of the first runs are invalid, or a measure does not exist.
     """
     parts, own = _measures(measures)
-    settings = tuple(map(canonical, settings))  # KEY=word of a command is KEY="word" of Python
     text = text_of(path, "a scenario is a TOML file; 'explicitfe list scenarios' names those at hand")
     refusals = []
     added: tuple[str, ...] = ()
@@ -226,7 +225,8 @@ def begin(out: Path, wanted: Definition) -> None:
         raise wrong(f"{out}: cannot be written ({reason(error)}). Check the permissions and the free disk space.") from None
     begun = definition_of(out)
     for key, value in document.items():
-        if begun.get(key) != value:
+        # KEY=word of a command is KEY="word" of Python.
+        if begun.get(key) != value and (key != "settings" or [*map(canonical, begun[key])] != [*map(canonical, value)]):
             raise InputError(
                 f"{out}: this folder contains another sweep ({_difference(key, begun.get(key), value)}). Name another folder "
                 "with `out`, or rerun the original command to resume that sweep."

@@ -1,4 +1,4 @@
-"""The page of a sweep: outlines, main effects, sensitivity indices, a scatter plot of any two columns, and failed runs."""
+"""The page of a sweep: outlines, main effects, heat maps, sensitivity indices, a scatter plot of any two columns, failed runs."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import numpy as np
 
 from explicitfe.app.view.page.frame import page_text
 from explicitfe.app.view.page.sweep.effects import MOST_FACTORS_ON_PAGE, EffectsOnMeasure, effects_on, shares_of
+from explicitfe.app.view.page.sweep.heat_map import heat_maps
 from explicitfe.app.view.page.sweep.scatter import scatter_of
 from explicitfe.app.view.page.tables import PageTable, table
 from explicitfe.app.view.page.words import bare, count, finite, number, plural
@@ -96,6 +97,7 @@ def sweep_page(sweep: SweepToDraw) -> tuple[str, int]:
         single=[replace(effect.charts[0], title=effect.title, y_label="") for effect in effects]
         if len(sweep.factors) == 1
         else [],
+        maps=list(heat_maps(sweep)),
         shares=_shares(sweep),
         factors_left_out=max(0, len(sweep.factors) - MOST_FACTORS_ON_PAGE),
         indices=[_indices(one) for one in sweep.indices],

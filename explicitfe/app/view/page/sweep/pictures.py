@@ -1,4 +1,4 @@
-"""Pictures of a sweep: outlines, effects of the factors, sensitivity indices with intervals, any two columns."""
+"""Pictures of a sweep: outlines, effects of factors, heat maps of two, sensitivity indices with intervals, any two columns."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import numpy as np
 
 from explicitfe.app.view.files import new_files, writing
 from explicitfe.app.view.page.sweep.effects import MainEffect, main_effect, share_in_words
+from explicitfe.app.view.page.sweep.heat_map import heat_maps
 from explicitfe.app.view.palette import BONE_EDGE, COLOURS, FORMATS, GREY, WIDTH_IN, new_figure, plain, save
 from explicitfe.platform.errors import InputError, Progress, nearest, shortened, silent
 from explicitfe.platform.host.extras import require
@@ -26,6 +27,7 @@ MOST_MULTIPLES, MULTIPLES_IN_A_ROW = 12, 4
 MOST_SETTINGS_WRITTEN = 4
 MOST_MEASURES_DRAWN, MOST_FACTORS_DRAWN, PANELS_IN_A_ROW = 4, 6, 3
 PANEL_HEIGHT_IN = 2.2
+MOST_MAPS_DRAWN, MAP_HEIGHT_IN, MOST_TICKS_OF_A_MAP = 6, 2.4, 8
 CLOUD_OPACITY = 0.15
 SHARES_SHOWN = (-0.1, 1.1)
 
@@ -47,8 +49,8 @@ def draw_sweep(
     read : reads the data of a sweep from its folder.
     folder : of the sweep.
     out : where the pictures go; into the folder's ``pictures`` if left out.
-    only : of "outlines", "effects" and "indices", and pairs of columns such as "points.tip.up_mm:constriction.width_mm"; without
-        it the three, as far as there is something to show.
+    only : of "outlines", "effects", "maps" and "indices", and pairs of columns such as
+        "points.tip.up_mm:constriction.width_mm"; without it the four, as far as there is something to show.
     file_format : "png", "pdf" or "svg".
 
     Raises
@@ -188,7 +190,33 @@ def against(sweep: SweepToDraw, across: str, up: str) -> Figure:
     return figure
 
 
-PICTURES: Mapping[str, Callable[[SweepToDraw], Figure | None]] = {"outlines": outlines, "effects": effects, "indices": indices}
+def maps(sweep: SweepToDraw) -> Figure | None:
+    """Heat maps of the main measures over two factors."""
+    drawn = list(heat_maps(sweep))[:MOST_MAPS_DRAWN]
+    if not drawn:
+        return None
+    rows = -(-len(drawn) // PANELS_IN_A_ROW)
+    figure = new_figure(WIDTH_IN, MAP_HEIGHT_IN * rows)
+    panels = figure.subplots(rows, min(PANELS_IN_A_ROW, len(drawn)), squeeze=False).ravel()
+    for panel, one in zip(panels, drawn, strict=False):
+        image = panel.imshow(one.mean, origin="lower", aspect="auto", cmap="viridis")
+        figure.colorbar(image, ax=panel).ax.tick_params(labelsize=6)
+        for axis, factor, words in (
+            (panel.xaxis, one.across, one.column_words),
+            (panel.yaxis, one.up, [words for words, _ in one.table][::-1]),
+        ):
+            every = -(-len(words) // MOST_TICKS_OF_A_MAP)
+            axis.set_ticks(range(0, len(words), every), words[::every], fontsize=6)
+            axis.set_label_text(factor.title, fontsize=7)
+        panel.set_title(one.measure.title, fontsize=7)
+    for panel in panels[len(drawn) :]:
+        panel.set_axis_off()
+    return figure
+
+
+PICTURES: Mapping[str, Callable[[SweepToDraw], Figure | None]] = {
+    "outlines": outlines, "effects": effects, "maps": maps, "indices": indices
+}  # fmt: skip
 
 
 def _effect(panel: Axes, effect: MainEffect, with_share: bool) -> None:

@@ -24,7 +24,7 @@ WINGS = {
     "platform": [{"errors"}, {"compiled", "host"}],
     "fem": [{"mesh", "materials"}, {"elements", "bones", "effects"}, {"inputs", "forces"}, {"tangent"}, {"model"}, {"solve"}],
     "results": [{"acoustics", "documents"}, {"files"}, {"measure"}],
-    "simulate": [{"scenario"}, {"anatomy"}, {"run"}, {"sweep"}],
+    "simulate": [{"scenario", "meshes"}, {"anatomy"}, {"run"}, {"sweep"}],
     "inverse": [{"measured"}, {"predict"}, {"identify"}, {"close_loop"}],
     "app": [{"view"}, {"api", "tools"}, {"verify"}],
 }

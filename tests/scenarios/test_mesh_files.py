@@ -17,8 +17,8 @@ from support import block_mesh
 from explicitfe.fem.bones.read import read_surface
 from explicitfe.platform.errors import InputError
 from explicitfe.platform.host import child
-from explicitfe.simulate.anatomy.mesh_file import hex_mesh, read_mesh
 from explicitfe.simulate.anatomy.own_mesh import read_model_file
+from explicitfe.simulate.meshes.mesh_file import mesh_arrays, read_mesh
 
 LONGEST_ANSWER_S = 8.0  # far below the limit of the child: what is damaged is seen, not waited for
 MESH = block_mesh((3, 2, 2), 0.01)
@@ -29,7 +29,7 @@ CELLS = [("hexahedron", MESH.hexes)]
 def in_this_process(monkeypatch: pytest.MonkeyPatch) -> Callable[[Path], dict[str, np.ndarray]]:
     """Reads a mesh file without a child, for speed; ``open`` is put back afterwards."""
     monkeypatch.setattr(builtins, "open", builtins.open)
-    return lambda path: hex_mesh(str(path))
+    return lambda path: mesh_arrays(str(path))
 
 
 def refusal(read: Callable[[Path], object], path: Path) -> str | None:
@@ -107,8 +107,8 @@ def test_what_is_no_file_of_a_mesh(tmp_path: Path) -> None:
     (tmp_path / "block").write_text("x")
     with (tmp_path / "sparse.vtu").open("wb") as file:
         file.truncate(10 * 2**30)
-    wedge = meshio.Mesh(MESH.points, [*CELLS, ("wedge", MESH.hexes[:2, :6])])
-    meshio.write(tmp_path / "wedge.vtu", wedge)
+    pyramid = meshio.Mesh(MESH.points, [*CELLS, ("pyramid", MESH.hexes[:2, :5])])
+    meshio.write(tmp_path / "pyramid.vtu", pyramid)
     meshio.write(tmp_path / "flat.vtu", meshio.Mesh(MESH.points, [("quad", MESH.hexes[:, :4])]))
     for name, words in [
         ("pipe.vtu", "this is a pipe"),
@@ -117,7 +117,7 @@ def test_what_is_no_file_of_a_mesh(tmp_path: Path) -> None:
         ("none.vtu", "No such file"),
         ("block.xyz", 'no format ".xyz"'),
         ("block", "such as .vtu or .msh"),
-        ("wedge.vtu", "2 wedge"),
+        ("pyramid.vtu", "2 pyramid"),
         ("flat.vtu", "no hexahedra"),
         (f"{'x' * 300}.vtu", "cannot be read"),
     ]:

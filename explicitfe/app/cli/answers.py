@@ -32,6 +32,7 @@ from explicitfe.results.documents.drawn import DrawnPictures, ShownScene
 from explicitfe.results.documents.examination import Examination
 from explicitfe.results.documents.identification import Identification
 from explicitfe.results.documents.loop_report import LoopReport
+from explicitfe.results.documents.mesh_contents import MeshContents
 from explicitfe.results.documents.planned_test import PlannedTest
 from explicitfe.results.documents.prediction import Prediction
 from explicitfe.results.documents.proposed_tests import ProposedTests
@@ -119,7 +120,7 @@ ANSWERS_OF_COMMANDS: dict[str, tuple[Any, ...]] = {
     "sweep": (SweepSummary, SweepMembers),
     "resume": (TransientSummary, IndentationSummary),
     "check": (TransientCheckReport, IndentationCheckReport, DatasetCheckReport),
-    "inspect": (InspectedResult,),
+    "inspect": (InspectedResult, MeshContents),
     "measure": (MeasuredResults,),
     "compare": (Comparison, RecordingComparison),
     "report": (ReportAnswer, SweepReport),

@@ -2,22 +2,54 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
 from explicitfe.app.cli.answer import console, print_answer
-from explicitfe.app.cli.options import JsonOption, ResultArgument
+from explicitfe.app.cli.completion import complete_result
+from explicitfe.app.cli.options import JsonOption
 from explicitfe.app.view.progress import following
+from explicitfe.platform.host.result_files import find_result
+
+MESH_SUFFIXES = (
+    ".inp", ".feb", ".msh", ".vtu", ".vtk", ".vtp", ".mesh", ".bdf", ".nas", ".fem", ".e", ".ex2", ".exo", ".med", ".xdmf",
+    ".xmf", ".cgns", ".mdpa", ".tec", ".ugrid", ".su2", ".stl", ".obj", ".ply",
+)  # fmt: skip
 
 
-def inspect(result: ResultArgument, as_json: JsonOption = False) -> None:
-    """Show the contents of a result: status, times, fields, energies, probes, provenance.
+def inspect(
+    file: Annotated[
+        Path,
+        typer.Argument(
+            help="Result file (.vtkhdf) or its name in outputs/, or a mesh file (.msh, .inp, .feb, .vtu, ...).",
+            show_default=False,
+            autocompletion=complete_result,
+        ),
+    ],
+    as_json: JsonOption = False,
+) -> None:
+    """Show the contents of a result: status, times, fields, energies, probes, provenance. Or the named sets of a mesh file.
 
     Example: [bold]explicitfe inspect vowel-i[/bold]
+
+    Example: [bold]explicitfe inspect bar.msh[/bold]
     """
-    with following(console, f"reading {result}"):
+    if file.suffix.lower() in MESH_SUFFIXES and file.is_file():
+        with following(console, f"reading {file}"):
+            from explicitfe.app.tools.mesh_contents import mesh_contents
+            from explicitfe.app.view.terminal.program import mesh_table
+
+            contents = mesh_contents(file)
+        print_answer(contents, as_json, lambda: mesh_table(contents))
+        return
+    with following(console, f"reading {file}"):
         from explicitfe.app.view.terminal.stored import result_table
         from explicitfe.results.files import open_result
         from explicitfe.results.measure.measure import measures_if_any
 
-        with open_result(result) as opened:
+        with open_result(find_result(file)) as opened:
             held, measures = opened.contents(), measures_if_any(opened)
     document = {**held, "measures": measures and measures.document}
     print_answer(document, as_json, lambda: result_table(held, measures), held["summary"].get("warnings", []))

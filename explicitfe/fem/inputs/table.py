@@ -93,6 +93,10 @@ Title = Annotated[
     AfterValidator(_one_line),
 ]
 Name = Annotated[str, Field(min_length=1, max_length=LONGEST_NAME_CHARACTERS)]
+Names = Annotated[
+    list[Name],
+    BeforeValidator(lambda value: [value] if isinstance(value, str) else value, json_schema_input_type=str | list[Name]),
+]
 Vector = Annotated[tuple[float, float, float], row_of(3, "three numbers [x, y, z]")]
 Cells = Annotated[tuple[int, int, int], row_of(3, "three whole numbers, such as [16, 8, 10]")]
 Pair = Annotated[tuple[float, float], row_of(2, "a pair [time_ms, scale]")]

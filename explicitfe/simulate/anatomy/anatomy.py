@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+
+import numpy as np
 
 from explicitfe.fem.mesh.hexmesh import HexMesh
 from explicitfe.fem.mesh.muscle_lines import Muscle
@@ -18,9 +20,13 @@ class Anatomy:
     mesh : reference mesh with node sets and named points.
     muscles : name -> muscle.
     fixed : names of the node sets that are held unless the scenario says otherwise.
+    element_sets : name -> elements, of a mesh file.
+    notes : sentences on how the mesh file was read.
     """
 
     name: str
     mesh: HexMesh
     muscles: dict[str, Muscle]
     fixed: tuple[str, ...]
+    element_sets: dict[str, np.ndarray] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()

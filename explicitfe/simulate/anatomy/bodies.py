@@ -27,7 +27,7 @@ class Bodies:
     Attributes
     ----------
     anatomy : of all of them; that of ``[model]`` has its own names, the others have theirs in front.
-    inclusions : the elements of bodies with another material than that of ``[model]``.
+    inclusions : the elements of bodies and element sets with another material than that of ``[model]``.
     held : (k,) nodes of further bodies that are held.
     parts : name of a body, "" of that of ``[model]`` -> its mesh in its place, and the number of its first element.
     """
@@ -84,9 +84,11 @@ def with_bodies(
     InputError : a mesh that cannot be read, an unknown node set, a body that nothing holds, or a material of another law.
     """
     main = anatomy_of(model, folder)
+    laws = [(0, main.mesh.element_count, material)]
     if not tables:
-        return Bodies(main, parts={"": (main.mesh, 0)})
-    parts, muscles, inclusions = {"": (main.mesh, 0)}, dict(main.muscles), []
+        return Bodies(main, _inclusions(main, laws, model, material), parts={"": (main.mesh, 0)})
+    parts, muscles = {"": (main.mesh, 0)}, dict(main.muscles)
+    element_sets, notes = dict(main.element_sets), [*main.notes]
     held: list[np.ndarray] = []
     nodes, elements = main.mesh.node_count, main.mesh.element_count
     for table in tables:
@@ -106,14 +108,36 @@ def with_bodies(
         parts[table.name] = _shift_mesh(one.mesh, shift), elements
         for name, muscle in one.muscles.items():
             muscles[f"{table.name}.{name}"] = _shift_muscle(muscle, f"{table.name}.{name}", elements, shift)
-        if table.material is not None:
-            law = catalogue.material(table.material)
-            if type(law) is not type(material):
-                raise InputError(f"{where}: its material is of another law than that of [model]; use one law for all bodies.")
-            inclusions.append(Inclusion(elements + np.arange(one.mesh.element_count), law))
+        element_sets |= {f"{table.name}.{name}": elements + of for name, of in one.element_sets.items()}
+        notes += one.notes
+        law = material if table.material is None else catalogue.material(table.material)
+        if type(law) is not type(material):
+            raise InputError(f"{where}: its material is of another law than that of [model]; use one law for all bodies.")
+        laws.append((elements, elements + one.mesh.element_count, law))
         nodes, elements = nodes + one.mesh.node_count, elements + one.mesh.element_count
-    anatomy = Anatomy(main.name, join({name: mesh for name, (mesh, _) in parts.items()}), muscles, main.fixed)
-    return Bodies(anatomy, tuple(inclusions), np.unique(np.concatenate([*held, np.zeros(0, dtype=np.int64)])), parts)
+    mesh = join({name: mesh for name, (mesh, _) in parts.items()})
+    anatomy = Anatomy(main.name, mesh, muscles, main.fixed, element_sets, tuple(notes))
+    inclusions = _inclusions(anatomy, laws, model, material)
+    return Bodies(anatomy, inclusions, np.unique(np.concatenate([*held, np.zeros(0, dtype=np.int64)])), parts)
+
+
+def _inclusions(
+    anatomy: Anatomy, laws: Sequence[tuple[int, int, Law]], model: ModelTable, material: Law
+) -> tuple[Inclusion, ...]:
+    """The elements with another material: those of bodies, (first, end, law), and those of ``model.materials``."""
+    chosen = np.zeros(anatomy.mesh.element_count, dtype=np.int64)
+    every = [law for *_, law in laws]
+    for number, (first, end, _) in enumerate(laws):
+        chosen[first:end] = number
+    for name, choice in model.materials.items():
+        if name not in anatomy.element_sets:
+            raise InputError(f'model.materials: unknown element set "{name}"; {nearest(name, anatomy.element_sets)}')
+        every.append(catalogue.material(choice))
+        if type(every[-1]) is not type(material):
+            raise InputError(f'model.materials: that of "{name}" is of another law than model.material; use one law for all.')
+        chosen[anatomy.element_sets[name]] = len(every) - 1
+    parts = ((np.flatnonzero(chosen == number), law) for number, law in enumerate(every) if law is not material)
+    return tuple(Inclusion(elements, law) for elements, law in parts if len(elements))
 
 
 def _shift_mesh(mesh: HexMesh, shift_m: np.ndarray) -> HexMesh:

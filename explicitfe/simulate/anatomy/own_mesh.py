@@ -1,4 +1,4 @@
-"""User-defined models: a hexahedral mesh that meshio reads, and a model file that describes it."""
+"""User-defined models: a mesh file, and a model file that describes it."""
 
 from __future__ import annotations
 
@@ -10,7 +10,16 @@ import numpy as np
 from pydantic import BeforeValidator, Field, ValidationError, field_validator, model_validator
 
 from explicitfe.fem.inputs.sentences import explain
-from explicitfe.fem.inputs.table import LONGEST_NAME_CHARACTERS, MOST_TABLES_OF_A_KIND, Name, Table, Title, Vector, validated
+from explicitfe.fem.inputs.table import (
+    LONGEST_NAME_CHARACTERS,
+    MOST_TABLES_OF_A_KIND,
+    Name,
+    Names,
+    Table,
+    Title,
+    Vector,
+    validated,
+)
 from explicitfe.fem.mesh.checked_arrays import FARTHEST_POINT_M
 from explicitfe.fem.mesh.hexmesh import HexMesh, MaterialPoints
 from explicitfe.fem.mesh.muscle_lines import Fibre, Muscle, locate_in_mesh, over_mean
@@ -19,7 +28,9 @@ from explicitfe.fem.mesh.size import check_size
 from explicitfe.platform.errors import InputError, nearest, shortened
 from explicitfe.platform.host.text import text_of, toml_of
 from explicitfe.simulate.anatomy.anatomy import Anatomy
-from explicitfe.simulate.anatomy.mesh_file import read_mesh
+from explicitfe.simulate.meshes.content import FileMesh, nodes_of_cells
+from explicitfe.simulate.meshes.mesh_file import read_mesh
+from explicitfe.simulate.meshes.midpoints import Hexahedra, hexahedra
 
 _METRES_PER_UNIT = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
 # Lists of the nodes of a fine mesh are long.
@@ -29,22 +40,23 @@ SMALLEST_EXTENT_M = 1e-5
 _SAME_POINT_SHARE = 1e-9
 
 
-class ByPointData(Table):
-    """Nodes where a point array of the mesh has a value."""
+class ByArray(Table):
+    """Nodes or elements where an array of the mesh has a value."""
 
-    point_data: str
+    point_data: str | None = None
+    cell_data: str | None = None
     value: float
 
 
 def _node_set(value: object) -> object:
     if isinstance(value, list) and all(type(node) is int for node in value):
         return value
-    if isinstance(value, dict) and value.keys() == ByPointData.model_fields.keys():
-        return ByPointData.model_validate(value, strict=True)
-    raise ValueError('must be a list of node numbers or { point_data = "...", value = ... }')
+    if isinstance(value, dict) and {"value", *value} in ({"point_data", "value"}, {"cell_data", "value"}):
+        return ByArray.model_validate(value, strict=True)
+    raise ValueError('must be a list of node numbers, { point_data = "...", value = ... } or { cell_data = "...", value = ... }')
 
 
-NodeSet = Annotated[list[int] | ByPointData, BeforeValidator(_node_set)]
+NodeSet = Annotated[list[int] | ByArray, BeforeValidator(_node_set)]
 
 
 class FibreTable(Table):
@@ -91,9 +103,11 @@ class MeshFile(Table):
     source: str = ""
     mesh: str = Field(description="mesh file, relative to this file")
     length_unit: Literal["m", "cm", "mm"]
-    first_number: Literal[0, 1] = Field(default=0, description="number of the first node in this file's lists")
-    node_sets: dict[str, NodeSet] = Field(default={})
-    fixed: list[str] = Field(default=[], description="node sets that are fixed")
+    first_number: Literal[0, 1, "labels"] = Field(
+        default=0, description="number of the first node in this file's lists, or that they have the labels of the mesh file"
+    )
+    node_sets: dict[str, NodeSet] = Field(default={}, description="further to those of the mesh file")
+    fixed: Names = Field(default=[], description="node sets that are fixed")
     named_points: dict[str, int] = Field(default={})
     muscle: list[FileMuscle] = Field(default=[], max_length=MOST_TABLES_OF_A_KIND)
 
@@ -131,31 +145,43 @@ def read_model_file(path: Path) -> Anatomy:
         raise InputError(f"{path}: {explain(error, data, MeshFile).replace('the scenario', 'the model file')}") from None
 
     mesh_path = path.parent / table.mesh
-    points, hexes, point_data = read_mesh(mesh_path)
-    check_size(len(hexes), f"{mesh_path}: the mesh", "mesh it coarser")
+    content = read_mesh(mesh_path)
+    check_size(len(content.cells), f"{mesh_path}: the mesh", "mesh it coarser")
     unit = _METRES_PER_UNIT[table.length_unit]
-    _check_extent(points * unit, mesh_path, table.length_unit)
+    _check_extent(content.points * unit, mesh_path, table.length_unit)
     try:
-        bare = HexMesh(points * unit, hexes)
+        body = hexahedra(content.points * unit, content.cells)
+        check_size(len(body.hexes), f"{mesh_path}: the mesh", "mesh it coarser")
+        number, bare = _without_loose_nodes(body)
     except InputError as error:
         raise InputError(f"{mesh_path}: {str(error).removeprefix('HexMesh: ')}") from None
     check(bare, str(mesh_path))
+    labels = _labels(content, table.first_number, path)
 
     def nodes(numbers: list[int], what: str) -> np.ndarray:
-        places = np.asarray(numbers, dtype=np.int64) - table.first_number
-        wrong = places[(places < 0) | (places >= len(points))]
-        if len(wrong):
-            number = wrong[0] + table.first_number
-            raise InputError(f"{path}: node {number} in {what} does not exist; the mesh has {len(points)} nodes.")
-        return places
+        places = [labels.get(one, -1) for one in numbers]
+        wrong = [one for one, place in zip(numbers, places, strict=True) if place < 0 or number[place] < 0]
+        if wrong:
+            unknown = f"does not exist; the mesh has {len(content.points)} nodes"
+            why = "belongs to no element" if wrong[0] in labels else unknown
+            raise InputError(f"{path}: node {wrong[0]} in {what} {why}.")
+        return number[np.array(places, dtype=np.int64)]
 
-    sets = {
-        name: _by_point_data(point_data, entry, f"{path}: node_sets.{name}")
-        if isinstance(entry, ByPointData)
-        else nodes(entry, f"node_sets.{name}")
-        for name, entry in table.node_sets.items()
-    }
+    sets, element_sets = _sets_of(content, body, number)
+    for name, entry in table.node_sets.items():
+        where = f"node_sets.{name}"
+        if isinstance(entry, ByArray):
+            chosen, cells = _by_array(content, entry, f"{path}: {where}")
+            sets[name] = _left(number, body.nodes(chosen))
+            if len(cells):
+                element_sets[name] = body.elements(cells)
+                sets[name] = np.unique(bare.hexes[element_sets[name]])
+        else:
+            nodes(entry, where)
+            sets[name] = _left(number, body.nodes(np.array([labels[one] for one in entry], dtype=np.int64)))
     for name in table.fixed:
+        if name not in sets and name in content.node_sets:
+            raise InputError(f"{path}: fixed: the nodes of {name} belong to no element; name another node set.")
         if name not in sets:
             raise InputError(f'{path}: fixed names no node set "{name}"; {nearest(name, sets)}')
     named = {name: int(nodes([number], f"named_points.{name}")[0]) for name, number in table.named_points.items()}
@@ -164,8 +190,8 @@ def read_model_file(path: Path) -> Anatomy:
     muscles = {}
     for muscle in table.muscle:
         fibres = []
-        for number, fibre in enumerate(muscle.fibre):
-            what = f"fibre {number + 1} of muscle {muscle.name}"
+        for count, fibre in enumerate(muscle.fibre, 1):
+            what = f"fibre {count} of muscle {muscle.name}"
             numbers = nodes(fibre.nodes, what)
             try:
                 chain = mesh.points_at_nodes(numbers) if fibre.nodes else locate_in_mesh(mesh, np.array(fibre.points) * unit)
@@ -177,19 +203,68 @@ def read_model_file(path: Path) -> Anatomy:
                 raise InputError(f"{path}: {what}: {error}") from None
         width = None if muscle.origin_width_mm is None else 1e-3 * muscle.origin_width_mm
         muscles[muscle.name] = Muscle.of(muscle.name, muscle.title, muscle.max_force_N, tuple(fibres), origin_width_m=width)
-    return Anatomy(name=path.stem, mesh=mesh, muscles=muscles, fixed=tuple(table.fixed))
+    notes = (f"{mesh_path}: {body.note}",) if body.note else ()
+    return Anatomy(path.stem, mesh, muscles, tuple(table.fixed), element_sets, notes)
 
 
-def _by_point_data(point_data: dict[str, np.ndarray], entry: ByPointData, where: str) -> np.ndarray:
-    if entry.point_data not in point_data:
-        name = shortened(entry.point_data)
+def _without_loose_nodes(body: Hexahedra) -> tuple[np.ndarray, HexMesh]:
+    """The mesh of the nodes that elements have, and the number (n,) of each node in it; -1: it belongs to no element.
+
+    Generators leave nodes of points, curves and reference points, which have no mass.
+    """
+    used = np.zeros(len(body.points), dtype=bool)
+    inside = (body.hexes >= 0) & (body.hexes < len(used))  # HexMesh refuses others
+    used[body.hexes[inside]] = True
+    number = np.where(used, np.cumsum(used) - 1, -1)
+    if not inside.all() or used.all():
+        return np.arange(len(used)), HexMesh(body.points, body.hexes)
+    return number, HexMesh(body.points[used], number[body.hexes])
+
+
+def _left(number: np.ndarray, nodes: np.ndarray) -> np.ndarray:
+    """The numbers of those nodes that elements have."""
+    left = number[nodes]
+    return np.unique(left[left >= 0])
+
+
+def _labels(content: FileMesh, first: int | str, path: Path) -> dict[int, int]:
+    """Number of a node in the model file -> its place in the mesh file."""
+    if first != "labels":
+        return {place + int(first): place for place in range(len(content.points))}
+    if not len(content.labels):
         raise InputError(
-            f'{where}: the mesh has no point array "{name}" with one number per node; {nearest(entry.point_data, point_data)}'
+            f'{path}: first_number = "labels" needs a mesh file in which each node has one label (Abaqus without parts, Gmsh, '
+            "FEBio); name sets of the mesh file, or count its nodes from 0."
         )
-    nodes = np.flatnonzero(point_data[entry.point_data] == entry.value)
-    if not len(nodes):
-        raise InputError(f"{where}: no node has {entry.point_data} = {entry.value:g}.")
-    return nodes
+    return {int(label): place for place, label in enumerate(content.labels)}
+
+
+def _sets_of(content: FileMesh, body: Hexahedra, number: np.ndarray) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
+    """The node sets and element sets of a mesh file as those of its hexahedra."""
+    elements = {name: body.elements(cells) for name, cells in content.element_sets.items()}
+    nodes = {}
+    for name, of in content.node_sets.items():
+        of_elements = np.unique(body.hexes[elements.get(name, [])])
+        whole = np.array_equal(of, nodes_of_cells(content.cells[content.element_sets[name]])) if len(of_elements) else False
+        nodes[name] = _left(number, of_elements if whole else body.nodes(of))
+    return {name: of for name, of in nodes.items() if len(of)}, elements
+
+
+def _by_array(content: FileMesh, entry: ByArray, where: str) -> tuple[np.ndarray, np.ndarray]:
+    """The nodes, and the elements of a cell array, that have a value."""
+    kind, name, arrays, each = "point", entry.point_data, content.point_data, "node"
+    if name is None:
+        kind, name, arrays, each = "cell", entry.cell_data or "", content.cell_data, "element"
+    if name not in arrays:
+        raise InputError(
+            f'{where}: the mesh has no {kind} array "{shortened(name)}" with one number per {each}; {nearest(name, arrays)}'
+        )
+    chosen = np.flatnonzero(arrays[name] == entry.value)
+    if not len(chosen):
+        raise InputError(f"{where}: no {each} has {name} = {entry.value:g}.")
+    if kind == "point":
+        return chosen, chosen[:0]
+    return nodes_of_cells(content.cells[chosen]), chosen
 
 
 def _check_extent(points: np.ndarray, path: Path, unit: str) -> None:

@@ -20,7 +20,7 @@ before.
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import compress
 
@@ -87,6 +87,10 @@ class Surgery:
         left = self.muscular[stress.elements]
         return replace(stress, elements=stress.elements[left], direction=stress.direction[left], stress_Pa=stress.stress_Pa[left])
 
+    def left_of_part(self, part: Inclusion) -> Inclusion:
+        """The elements of another material, without those removed or replaced."""
+        return replace(part, elements=part.elements[self.muscular[part.elements]])
+
     def left_of_lines(self, pull: FibrePull, fibres: Sequence[Fibre] | None = None) -> FibrePull:
         """The lines that run through muscle all along, as they were; where they join points of ``fibres``, these have to."""
         whole = [
@@ -133,7 +137,9 @@ class Surgery:
         return MaterialPoints(element, natural, points.position), inside
 
 
-def surgery_of(scenario: TransientScenario, mesh: HexMesh, material: Law) -> Surgery | None:
+def surgery_of(
+    scenario: TransientScenario, mesh: HexMesh, material: Law, element_sets: Mapping[str, np.ndarray]
+) -> Surgery | None:
     """What the tables ``[[resection]]``, ``[[graft]]`` and ``[scar]`` do; None where there is none of them.
 
     Raises
@@ -146,10 +152,10 @@ def surgery_of(scenario: TransientScenario, mesh: HexMesh, material: Law) -> Sur
     kept, grafted = np.ones(count, dtype=bool), np.zeros(count, dtype=bool)
     stiffness = np.ones(count)
     for number, resection in enumerate(scenario.resection, 1):
-        kept[_region(resection, f"resection {number}", mesh)] = False
+        kept[_region(resection, f"resection {number}", mesh, element_sets)] = False
     tissue = np.zeros(count, dtype=np.int64)  # number of the graft that an element belongs to; the last one has it
     for number, graft in enumerate(scenario.graft, 1):
-        tissue[_region(graft, f"graft {number}", mesh)] = number
+        tissue[_region(graft, f"graft {number}", mesh, element_sets)] = number
     grafted = tissue > 0
     kept |= grafted
     inclusions = []
@@ -178,7 +184,7 @@ def surgery_of(scenario: TransientScenario, mesh: HexMesh, material: Law) -> Sur
     return Surgery(mesh, kept, grafted, scarred, stiffness, tuple(inclusions))
 
 
-def _region(table: RegionTable, what: str, mesh: HexMesh) -> np.ndarray:
+def _region(table: RegionTable, what: str, mesh: HexMesh, element_sets: Mapping[str, np.ndarray]) -> np.ndarray:
     """The elements (m,) bool of a region."""
     centre = 1e3 * mesh.points[mesh.hexes].mean(axis=1)
     inside = np.ones(mesh.element_count, dtype=bool)
@@ -189,7 +195,9 @@ def _region(table: RegionTable, what: str, mesh: HexMesh) -> np.ndarray:
         inside &= np.linalg.norm(centre - table.sphere.centre_mm, axis=1) <= table.sphere.radius_mm
     if table.plane is not None:
         inside &= (centre - table.plane.point_mm) @ np.array(table.plane.normal) > 0.0
-    if table.set is not None:
+    if table.set is not None and table.set in element_sets:
+        inside &= np.isin(np.arange(mesh.element_count), element_sets[table.set])
+    elif table.set is not None:
         inside &= np.isin(mesh.hexes, mesh.nodes_of(table.set)).all(axis=1)
     if not inside.any():
         low, high = centre.min(axis=0), centre.max(axis=0)
@@ -318,7 +326,11 @@ def operated(intact: Model, surgery: Surgery) -> Model:
         ),
         attachments=tuple(tie for tie in ties if len(tie.areas_m2)),
         stiffness=stiffness if (stiffness != 1.0).any() else None,
-        inclusions=tuple(replace(part, elements=element_number[part.elements]) for part in surgery.inclusions),
+        inclusions=tuple(
+            replace(part, elements=element_number[part.elements])
+            for part in (*map(surgery.left_of_part, intact.inclusions), *surgery.inclusions)
+            if len(part.elements)
+        ),
         probes=named(intact.probes),
         fibres=tuple(tuple(piece for line in lines for piece in pieces(line)) for lines in intact.fibres),
     )

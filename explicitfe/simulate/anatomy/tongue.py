@@ -101,7 +101,7 @@ def assemble(scenario: TransientScenario, folder: Path) -> Assembly:
         if table.attachment == "nodes":
             held[mesh.node_sets[name]] = True
     held[bodies.held] = True
-    surgery = surgery_of(scenario, mesh, material)
+    surgery = surgery_of(scenario, mesh, material, anatomy.element_sets)
     loads: list[NodalLoad] = []
     pulls: list[FibrePull] = []
     stresses: list[FibreStress] = []

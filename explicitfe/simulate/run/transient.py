@@ -110,7 +110,7 @@ class TransientAnalysis(Analysis[TransientScenario, Simulation]):
         """Build the model of a tongue, or of a mesh of one's own, with its muscles."""
         model, anatomy, surgery, displacement = assemble(scenario, path.parent)
         simulation = Simulation(model, displacement=displacement, threads=scenario.analysis.threads)
-        notes = () if surgery is None else tuple(surgery["notes"])
+        notes = (*anatomy.notes, *(() if surgery is None else surgery["notes"]))
         return cls(path, scenario, text, model, anatomy.name, simulation, notes, surgery=surgery)
 
     def describe(self) -> TransientModelDescription:

@@ -7,7 +7,7 @@ from typing import ClassVar, cast
 from pydantic import Field, model_validator
 
 from explicitfe.fem.inputs.material import Material
-from explicitfe.fem.inputs.table import Cells, Name, Size, Table, Vector
+from explicitfe.fem.inputs.table import Cells, Name, Names, Size, Table, Vector
 
 
 class MeshTable(Table):
@@ -20,7 +20,7 @@ class MeshTable(Table):
     cells: Cells | None = Field(
         default=None, description="numbers of elements along the tongue, through its thickness and across it"
     )
-    fixed: list[Name] | None = Field(default=None, description="node sets that are held; those of the model by default")
+    fixed: Names | None = Field(default=None, description="node sets that are held; those of the model by default")
 
     _built_in_key: ClassVar[str]
 

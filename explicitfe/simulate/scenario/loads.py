@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from pydantic import Field, model_validator
 
-from explicitfe.fem.inputs.table import Name, Table, Vector
+from explicitfe.fem.inputs.table import Name, Names, Table, Vector
 from explicitfe.simulate.scenario.profile import MotionTable, ProfileTable
 
 
 class LoadTable(ProfileTable):
     """A force on nodes, or a mass that is fixed to them or hangs from them."""
 
-    nodes: list[Name] = Field(
+    nodes: Names = Field(
         default=[],
         description='node sets; the load acts on the nodes that are in all of them: ["x1", "z1"] is the upper edge of an end',
     )
@@ -62,7 +62,7 @@ class SupportTable(MotionTable):
 class ReleaseTable(Table):
     """A body that is held before it moves freely."""
 
-    hold: list[Name] = Field(
+    hold: Names = Field(
         default=[],
         description="node sets that are held until the release; by default the whole body is held as it is meshed",
     )

@@ -45,7 +45,9 @@ class RegionTable(Table):
     box_mm: Corners | None = Field(default=None, description="two opposite corners of a box along the axes")
     sphere: SphereTable | None = None
     plane: PlaneTable | None = None
-    set: str | None = Field(default=None, description="a node set: the elements whose eight nodes all belong to it")
+    set: str | None = Field(
+        default=None, description="an element set, or a node set: the elements whose eight nodes all belong to it"
+    )
 
     @model_validator(mode="after")
     def _region_is_given(self) -> RegionTable:

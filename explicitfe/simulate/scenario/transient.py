@@ -43,6 +43,9 @@ class ModelTable(MeshTable):
 
     name: str | None = Field(default=None, description="a built-in model, see 'explicitfe list models'")
     material: Material = Field(default="gerard-2005", description="a name, see 'explicitfe list materials', or constants")
+    materials: dict[Name, Material] = Field(
+        default={}, description="element set of the mesh -> its material, of the law of material; a later set wins"
+    )
     element: ElementName = Field(
         default="hex8",
         description="one point with assumed-strain hourglass control, one point with plain stiffness, or eight points",

@@ -15,6 +15,7 @@ from explicitfe.platform.host.load import is_busy
 
 if TYPE_CHECKING:
     from explicitfe.results.documents.examination import Examination
+    from explicitfe.results.documents.mesh_contents import MeshContents
     from explicitfe.results.documents.run_summary import SpeedReport
 
 # Columns with long texts, which only programs need.
@@ -133,3 +134,23 @@ def speed_notes(speed: SpeedReport) -> list[str]:
         f"the machine was busy: load average {speed['load']:.1f} on {speed['cores']} cores. The times are longer than on an idle "
         "machine; repeat the measurement when it is idle."
     ]
+
+
+def mesh_table(contents: MeshContents) -> Table:
+    """Contents of a mesh file."""
+    table = pairs(escape(contents["mesh"]))
+    cells = ", ".join(f"{count} {name}" for name, count in contents["cells"].items())
+    cut = "" if "hexahedra" in cells and len(contents["cells"]) == 1 else f", cut into {contents['hexahedra']} hexahedra"
+    table.add_row("elements", f"{cells}{cut}")
+    table.add_row("nodes", str(contents["nodes"]))
+    low, high = contents["lowest"], contents["highest"]
+    table.add_row("extent", ", ".join(f"{axis} {a:g} to {b:g}" for axis, a, b in zip("xyz", low, high, strict=True)))
+    table.add_row("volume", f"{contents['volume']:.6g} (cubed unit of the file)")
+    table.add_row("worst element", f"scaled Jacobian {contents['smallest_scaled_jacobian']:.3g}")
+    for what, sets in (("node sets", contents["node_sets"]), ("element sets", contents["element_sets"])):
+        table.add_row(what, escape("\n".join(f"{name} ({count})" for name, count in sets.items())) or "none")
+    for array in contents["arrays"]:
+        values = ", ".join(f"{value} ({count})" for value, count in array["counts"].items())
+        span = values or f"{array['lowest']:g} to {array['highest']:g}"
+        table.add_row(f"{array['of']} array", escape(f"{array['name']}: {span}"))
+    return table

@@ -1,11 +1,11 @@
-"""Reading of mesh files in any format that meshio supports."""
+"""Reading of mesh files: Abaqus, FEBio and Gmsh by readers of this package, all other formats by meshio."""
 
 from __future__ import annotations
 
 import builtins
 import contextlib
 import io
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import IO, Any
 
@@ -14,28 +14,30 @@ import numpy as np
 from explicitfe.platform.errors import InputError, nearest, shortened
 from explicitfe.platform.host.child import read_in_child
 from explicitfe.platform.host.regular import size_of
+from explicitfe.simulate.meshes.abaqus import read_abaqus
+from explicitfe.simulate.meshes.content import SOLIDS, FileMesh, check_kinds, set_name
+from explicitfe.simulate.meshes.febio import read_febio
+from explicitfe.simulate.meshes.gmsh import is_gmsh, read_gmsh
 
 LARGEST_MESH_FILE_BYTES = 4 * 2**30  # ten million elements as text
 # A reader that asks so often for more where nothing follows would ask for ever.
 MOST_READS_AT_THE_END = 1000
-_AT_POINTS = "at points: "
-_SOLID_CELLS = ("tetra", "pyramid", "wedge", "hexahedron")
+_READERS: dict[str, Callable[[str], FileMesh]] = {".inp": read_abaqus, ".feb": read_febio}
+_SURFACES = (".stl", ".obj")
 _DAMAGED = "it is damaged, or its format does not match its suffix"
 
 
-def read_mesh(path: Path) -> tuple[np.ndarray, np.ndarray, dict[str, np.ndarray]]:
-    """Points (n, 3) in the unit of the file, hexes (m, 8), and the arrays (n,) of numbers that have a value at each point.
+def read_mesh(path: Path) -> FileMesh:
+    """The nodes, solid elements and named sets of a file, in its unit of length.
 
-    Whether the hexes can be computed is for ``mesh/quality.py``.
+    Whether the elements can be computed is for ``midpoints.py`` and ``fem/mesh/quality.py``.
 
     Raises
     ------
-    InputError : no such file, another kind of file, a damaged one, or no mesh of hexes.
+    InputError : no such file, another kind of file, a damaged one, or no solid elements.
     """
     size_of(path, "give a mesh file", largest_bytes=LARGEST_MESH_FILE_BYTES)
-    arrays = read_in_child(hex_mesh, path, f"meshio cannot read this mesh: {_DAMAGED}.")
-    points, hexes = arrays.pop("points"), arrays.pop("hexes")
-    return points, hexes, {name.removeprefix(_AT_POINTS): values for name, values in arrays.items()}
+    return FileMesh.of_arrays(read_in_child(mesh_arrays, path, f"this mesh cannot be read: {_DAMAGED}."))
 
 
 # ---- in a process of its own: some readers of the forty formats never end ----
@@ -79,8 +81,23 @@ def _open_with_an_end(file: Any, mode: str = "r", buffering: int = -1, *args: An
     return stream if mode == "rb" else _Text(stream, **options)
 
 
-def hex_mesh(path: str) -> dict[str, np.ndarray]:
+def mesh_arrays(path: str) -> dict[str, np.ndarray]:
     """What ``read_mesh`` gives, as arrays by name; it changes ``open`` for all, so a process of its own is meant to call it."""
+    suffix = Path(path).suffix.lower()
+    if suffix in _SURFACES:
+        raise InputError(
+            f"a {suffix[1:].upper()} file holds a surface without a volume; mesh it by "
+            f"`explicitfe new model --mesh {Path(path).name} --size MM`."
+        )
+    read = read_gmsh if suffix == ".msh" and is_gmsh(path) else _READERS.get(suffix, _read_by_meshio)
+    mesh = read(path)
+    if not len(mesh.points):
+        raise InputError("the mesh has no points.")
+    mesh.add_flags()
+    return mesh.arrays()
+
+
+def _read_by_meshio(path: str) -> FileMesh:
     import meshio  # slow to import, and only needed for a mesh of one's own
 
     builtins.open = _open_with_an_end  # type: ignore[assignment]
@@ -101,8 +118,49 @@ def hex_mesh(path: str) -> dict[str, np.ndarray]:
         words = f" ({shortened(words)})" if " " in words else ""  # a single word is a key of its own
         raise InputError(f"meshio cannot read this mesh{words}: {_DAMAGED}.") from None
     points = _points_of(mesh.points)
-    at_points = {_AT_POINTS + name: values for name, values in _point_data_of(mesh.point_data, len(points)).items()}
-    return {"points": points, "hexes": _hexes_of(mesh.cells), **at_points}
+    check_kinds(_counts(mesh.cells))
+    solid = [block.type in SOLIDS and len(block.data) > 0 for block in mesh.cells]
+    blocks = [_nodes_of(block) for block, has_volume in zip(mesh.cells, solid, strict=True) if has_volume]
+    content = FileMesh(points, np.concatenate(blocks), point_data=_point_data_of(mesh.point_data, len(points)))
+    for name, arrays in mesh.cell_data.items():
+        values = [_numbers(array) for array, has_volume in zip(arrays, solid, strict=True) if has_volume]
+        flat = [array for array in values if array is not None and array.ndim == 1]
+        if len(flat) == len(values):
+            content.cell_data[name] = np.concatenate(flat)
+    _name_sets(content, mesh, solid)
+    return content
+
+
+def _name_sets(content: FileMesh, mesh: Any, solid: list[bool]) -> None:
+    """Name the sets of nodes and cells that meshio found."""
+    content.node_sets |= {set_name(name): np.unique(nodes).astype(np.int64) for name, nodes in mesh.point_sets.items()}
+    first = np.cumsum([0, *(len(block.data) * has_volume for block, has_volume in zip(mesh.cells, solid, strict=True))])
+    for name, members in mesh.cell_sets.items():
+        if name.startswith("gmsh:") or len(members) != len(mesh.cells):
+            continue
+        chosen = [(k, np.asarray(of, dtype=np.int64)) for k, of in enumerate(members) if of is not None and len(of)]
+        nodes = [np.unique(mesh.cells[k].data[of]) for k, of in chosen]
+        elements = [first[k] + of for k, of in chosen if solid[k]]
+        if nodes:
+            content.node_sets.setdefault(set_name(name), np.unique(np.concatenate(nodes)).astype(np.int64))
+        if elements:
+            content.element_sets[set_name(name)] = np.concatenate(elements)
+
+
+def _counts(blocks: Any) -> dict[str, int]:
+    counts: dict[str, int] = {}
+    for block in blocks:
+        counts[block.type] = counts.get(block.type, 0) + len(block.data)
+    return counts
+
+
+def _nodes_of(block: Any) -> np.ndarray:
+    """The nodes of solid cells, (k, 8); those of fewer end in -1."""
+    nodes = _numbers(block.data)
+    count = SOLIDS[block.type]
+    if nodes is None or nodes.ndim != 2 or nodes.shape[1] != count or nodes.dtype.kind not in "iu":
+        raise InputError(f"the mesh contains {block.type} cells without {count} nodes each; export the file again.")
+    return np.pad(nodes.astype(np.int64), ((0, 0), (0, 8 - count)), constant_values=-1)
 
 
 def _points_of(values: object) -> np.ndarray:
@@ -112,26 +170,6 @@ def _points_of(values: object) -> np.ndarray:
     if points.shape[1] != 3:
         raise InputError(f"the mesh has {points.shape[1]} coordinates per node; it must have 3.")
     return points.astype(float)
-
-
-def _hexes_of(blocks: Sequence[Any]) -> np.ndarray:
-    solids: dict[str, int] = {}
-    hexes = []
-    for block in blocks:
-        if block.type.startswith(_SOLID_CELLS):
-            solids[block.type] = solids.get(block.type, 0) + len(block.data)
-        if block.type == "hexahedron" and len(block.data):
-            nodes = _numbers(block.data)
-            if nodes is None or nodes.ndim != 2 or nodes.shape[1] != 8 or nodes.dtype.kind not in "iu":
-                raise InputError("the mesh contains hexahedra without eight nodes each; export the file again.")
-            hexes.append(nodes.astype(np.int64))
-    other = {kind: count for kind, count in solids.items() if kind != "hexahedron" and count}
-    if other:
-        listed = ", ".join(f"{count} {kind}" for kind, count in other.items())
-        raise InputError(f"the mesh contains {listed} cells; only 8-node hexahedra are supported; mesh the body with them.")
-    if not hexes:
-        raise InputError("the mesh contains no hexahedra.")
-    return np.concatenate(hexes)
 
 
 def _point_data_of(arrays: Mapping[str, object], count: int) -> dict[str, np.ndarray]:

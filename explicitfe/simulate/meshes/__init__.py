@@ -1,0 +1,1 @@
+"""Mesh files of other programs: their nodes, elements and named sets."""

@@ -1,0 +1,170 @@
+"""Cut tetrahedra and wedges into hexahedra at the middles of their edges, faces and volumes.
+
+A tetrahedron gives four hexahedra, one at each corner, a wedge six, and beside wedges a hexahedron eight: faces between
+elements are cut alike on both sides. The volume is the same, and no element is inverted where the elements were not.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from itertools import combinations
+
+import numpy as np
+
+from explicitfe.platform.errors import InputError
+
+# Of each corner its three neighbours, such that the edges to them form a right-handed system.
+_NEIGHBOURS = {
+    4: ((1, 2, 3), (2, 0, 3), (0, 1, 3), (0, 2, 1)),
+    6: ((1, 2, 3), (2, 0, 4), (0, 1, 5), (5, 4, 0), (3, 5, 1), (4, 3, 2)),
+    8: ((1, 3, 4), (2, 0, 5), (3, 1, 6), (0, 2, 7), (7, 5, 0), (4, 6, 1), (5, 7, 2), (6, 4, 3)),
+}
+_FACES_OF = {
+    4: ((0, 1, 2), (0, 1, 3), (1, 2, 3), (0, 2, 3)),
+    6: ((0, 1, 2), (3, 4, 5), (0, 1, 4, 3), (1, 2, 5, 4), (0, 2, 5, 3)),
+    8: ((0, 1, 2, 3), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (0, 3, 7, 4)),
+}
+_WORDS = {4: "tetrahedra", 6: "wedges", 8: "hexahedra"}
+
+
+@dataclass
+class Hexahedra:
+    """Hexahedra, and how sets of the nodes and elements that they were made of become sets of theirs.
+
+    Attributes
+    ----------
+    points : (n, 3); the first are the nodes of the file, in their order.
+    hexes : (m, 8).
+    of_cell : (m,) element that each was made of.
+    note : what was cut, in a sentence; empty where all were hexahedra.
+    """
+
+    points: np.ndarray
+    hexes: np.ndarray
+    of_cell: np.ndarray
+    note: str = ""
+    _parents: list[np.ndarray] = field(default_factory=list)
+    _outside: list[np.ndarray] = field(default_factory=list)
+    _on_surface: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=bool))
+
+    def nodes(self, nodes: np.ndarray) -> np.ndarray:
+        """A set of nodes with the new ones between them: on the surface, or next to a node of the set inside the body."""
+        if not self._parents:
+            return nodes
+        member = np.zeros(len(self._on_surface) + 1, dtype=bool)
+        member[nodes] = member[-1] = True  # -1 stands for no parent
+        inside = np.append(~self._on_surface, False)
+        new = [
+            member[parents].all(axis=1) & (outside | inside[parents].any(axis=1))
+            for parents, outside in zip(self._parents, self._outside, strict=True)
+        ]
+        return np.flatnonzero(np.concatenate([member[:-1], *new]))
+
+    def elements(self, cells: np.ndarray) -> np.ndarray:
+        """The hexahedra made of a set of elements."""
+        return np.flatnonzero(np.isin(self.of_cell, cells))
+
+
+def hexahedra(points: np.ndarray, cells: np.ndarray) -> Hexahedra:
+    """The hexahedra of solid elements (m, 8), of which those of fewer nodes end in -1.
+
+    Raises
+    ------
+    InputError : a triangle of one element lies on a quadrilateral of another, so that faces do not fit together.
+    """
+    size = (cells >= 0).sum(axis=1)
+    if (size == 8).all():
+        return Hexahedra(points, cells, np.arange(len(cells)))
+    cells = _right_handed(points, cells, size)
+    edges, faces, corners = [], [], []
+    for count in map(int, np.unique(size)):
+        of = np.flatnonzero(size == count)
+        nodes = cells[of]
+        for place in _FACES_OF[count]:
+            faces.append(np.column_stack([np.sort(nodes[:, place], axis=1)[:, ::-1], np.full((len(of), 4 - len(place)), -1)]))
+        for corner, near in enumerate(_NEIGHBOURS[count]):
+            edges += [np.sort(nodes[:, [corner, other]], axis=1) for other in near]
+            corners.append((of, count, corner, near))
+    edge, edge_of = _unique(np.concatenate(edges))
+    face, face_of = _unique(np.concatenate(faces))
+    outside = np.bincount(face_of, minlength=len(face)) == 1
+    _check_faces(face[outside], size)
+
+    first_face = len(points) + len(edge)
+    first_cell = first_face + len(face)
+    edge_rows, face_rows = iter(np.split(edge_of, np.cumsum([len(e) for e in edges])[:-1])), {}
+    row = 0
+    for count in map(int, np.unique(size)):
+        for place in _FACES_OF[count]:
+            of_count = int((size == count).sum())
+            face_rows[count, frozenset(place)] = face_of[row : row + of_count] + first_face
+            row += of_count
+    hexes, of_cell = [], []
+    for of, count, corner, near in corners:
+        a, b, c = near
+        to_a, to_b, to_c = (len(points) + next(edge_rows) for _ in range(3))
+
+        def across(one: int, other: int, count: int = count, corner: int = corner) -> np.ndarray:
+            return next(at for (of_count, place), at in face_rows.items() if of_count == count and {corner, one, other} <= place)
+
+        hexes.append(
+            np.column_stack([cells[of, corner], to_a, across(a, b), to_b, to_c, across(a, c), first_cell + of, across(b, c)])
+        )
+        of_cell.append(of)
+    order = np.argsort(np.concatenate(of_cell), kind="stable")
+    on_surface = np.zeros(len(points) + 1, dtype=bool)
+    on_surface[face[outside]] = True
+    sides = np.concatenate([face[outside][:, [i, j]] for i, j in combinations(range(4), 2)])
+    edge_outside = np.isin(_key(edge), _key(np.sort(sides, axis=1)))
+    parents = [edge, face, cells]
+    middles = [_middle(points, of) for of in parents]
+    counts = {_WORDS[count]: int((size == count).sum()) for count in np.unique(size)}
+    note = f"{' and '.join(f'{n} {name}' for name, n in counts.items())} were cut into {sum(map(len, hexes))} hexahedra."
+    return Hexahedra(
+        np.concatenate([points, *middles]), np.concatenate(hexes)[order], np.concatenate(of_cell)[order], note,
+        parents, [edge_outside, outside, np.zeros(len(cells), dtype=bool)], on_surface[:-1],
+    )  # fmt: skip
+
+
+def _right_handed(points: np.ndarray, cells: np.ndarray, size: np.ndarray) -> np.ndarray:
+    """The elements, tetrahedra and wedges in the order of nodes that gives them a positive volume."""
+    cells = cells.copy()
+    for count, turned in ((4, [1, 0, 2, 3]), (6, [3, 4, 5, 0, 1, 2])):
+        of = np.flatnonzero(size == count)
+        x = points[cells[of][:, :count]]
+        total = np.zeros(len(of))
+        for corner, near in enumerate(_NEIGHBOURS[count]):
+            total += np.linalg.det(x[:, near] - x[:, [corner]])
+        wrong = of[total < 0.0]
+        cells[wrong[:, None], np.arange(count)] = cells[wrong[:, None], turned]
+    return cells
+
+
+def _check_faces(faces: np.ndarray, size: np.ndarray) -> None:
+    """Refuse triangles that lie on quadrilaterals; of free faces (f, 4), triangles end in -1."""
+    triangle = faces[:, 3] < 0
+    halves = [faces[~triangle][:, of] for of in combinations(range(4), 3)]
+    on_quads = np.isin(_key(faces[triangle][:, :3]), _key(np.concatenate(halves)))
+    if on_quads.any():
+        counts = ", ".join(f"{(size == count).sum()} {'tetra' if count == 4 else _WORDS[count]}" for count in np.unique(size))
+        raise InputError(
+            f"the mesh contains {counts}, and {on_quads.sum()} triangles of one kind lie on quadrilaterals of another, so that "
+            "their faces do not fit together; mesh the body with one kind of element."
+        )
+
+
+def _unique(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    _, first, inverse = np.unique(_key(rows), return_index=True, return_inverse=True)
+    return rows[first], inverse.ravel()
+
+
+def _key(rows: np.ndarray) -> np.ndarray:
+    """One value for each row of node numbers."""
+    rows = np.ascontiguousarray(rows.astype(np.int64))
+    return rows.view([("", np.int64)] * rows.shape[1]).ravel()
+
+
+def _middle(points: np.ndarray, parents: np.ndarray) -> np.ndarray:
+    """Means (k, 3) of the points of each row; -1 stands for none."""
+    present = parents >= 0
+    return np.einsum("ijk,ij->ik", points[parents], present) / present.sum(axis=1)[:, None]

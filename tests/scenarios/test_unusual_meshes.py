@@ -1,0 +1,358 @@
+"""Right mesh files in unusual forms: nodes, elements, sets and volume are all read, or the file is refused with its cause."""
+
+from __future__ import annotations
+
+import builtins
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import mesh_files as files
+import meshio
+import numpy as np
+import pytest
+
+from explicitfe.app.tools.mesh_contents import mesh_contents
+from explicitfe.fem.mesh.quality import volumes
+from explicitfe.platform.errors import InputError
+from explicitfe.simulate.anatomy.own_mesh import read_model_file
+from explicitfe.simulate.anatomy.tongue import assemble
+from explicitfe.simulate.meshes import mesh_file
+from explicitfe.simulate.scenario.read import read_scenario
+from explicitfe.simulate.scenario.transient import TransientScenario
+
+BLOCK = {"nodes": 27, "hexahedra": 8, "volume": 1000.0, "lowest": [0, 0, 0], "highest": [10, 10, 10]}
+TWICE = BLOCK | {"nodes": 54, "hexahedra": 16, "volume": 2000.0}
+FOOT, LOW = {"FOOT": 9}, {"LOW": 4}
+LABELS = [101 + 7 * k for k in range(27)]
+SPLIT = "*Node\n{}*Node, nset=TOP\n{}"
+FLAT = f"*Node\n{files.nodes()}*Element, type=C3D8, elset=ALL\n{files.elements()}"
+
+
+def text(name: str, content: str, **others: str) -> Callable[[Path], Path]:
+    """A writer of a file, and of others beside it."""
+
+    def write(folder: Path) -> Path:
+        for other, of in others.items():
+            (folder / other.replace("_", ".")).write_text(of)
+        (folder / name).write_text(content)
+        return folder / name
+
+    return write
+
+
+def written(ending: str, cells: list, points: np.ndarray = files.POINTS, **options: Any) -> Callable[[Path], Path]:
+    """A writer by meshio."""
+    kinds = {key: options.pop(key) for key in ("file_format", "binary") if key in options}
+
+    def write(folder: Path) -> Path:
+        meshio.write(folder / f"block.{ending}", meshio.Mesh(points, cells, **options), **kinds)
+        return folder / f"block.{ending}"
+
+    return write
+
+
+def generated(**options: Any) -> Callable[[Path], Path]:
+    """A writer by Gmsh."""
+    pytest.importorskip("gmsh")
+    return lambda folder: files.from_gmsh(folder / "box.msh", **options)
+
+
+HEX = [("hexahedron", files.HEXES)]
+CUBE = [("tetra", np.array(files.FIVE))]
+FLAGS = {"foot": (files.POINTS[:, 2] == 0).astype(float), "height": files.POINTS[:, 2]}
+REGION = {"low": [np.array([1, 1, 1, 1, 0, 0, 0, 0])], "region": [np.arange(8) // 2]}
+WEDGES = np.array([(0, 1, 2, 4, 5, 6), (0, 2, 3, 4, 6, 7)])
+BOX = {"hexahedra": 16, "volume": 2000.0, "highest": [20, 10, 10]}
+# Name -> writer, what is found in it, sizes of its node sets and of its element sets.
+READ: dict[str, tuple[Callable[[Path], Path], Mapping[str, Any], Mapping[str, int], Mapping[str, int]]] = {
+    "two instances": (
+        text("a.inp", files.assembly(files.instance("A"), files.instance("B", "0., 0., 10.5\n"))),
+        TWICE | {"highest": [10, 10, 20.5]}, {"FOOT": 18, "A.FOOT": 9, "B.FOOT": 9}, {"LOW": 8, "A.LOW": 4, "B.LOW": 4},
+    ),
+    "a moved instance": (
+        text("a.inp", files.assembly(files.instance("A", "1, 2.,\n"))), BLOCK | {"lowest": [1, 2, 0], "highest": [11, 12, 10]},
+        FOOT, LOW,
+    ),
+    "an instance that is moved and turned by 90 degrees about x = 10": (
+        text("a.inp", files.assembly(files.instance("A", "10., 0., 0.\n10., 0., 0., 10., 0., 1., 90.\n"))),
+        BLOCK | {"lowest": [0, 0, 0], "highest": [10, 10, 10]}, FOOT, LOW,
+    ),
+    "an instance that is turned about an oblique axis": (
+        text("a.inp", files.assembly(files.instance("A", "10.\n0., 0., 0., 1., 1., 1., 120.\n"))),
+        BLOCK | {"lowest": [0, 10, 0], "highest": [10, 20, 10]}, FOOT, LOW,
+    ),
+    "sets of the assembly": (
+        text("a.inp", files.assembly(
+            files.instance("A"), files.instance("B", "0., 0., 10.5\n"),
+            sets=f"*Nset, nset=CLAMP, instance=A\n{files.numbers(files.FOOT)}*Nset, nset=CLAMP, instance=B\n 1,\n"
+            "*Elset, elset=SOFT, instance=B, generate\n 1, 7, 2\n*Nset, nset=BOTH\nA.FOOT, B.1\n",
+        )),
+        TWICE | {"highest": [10, 10, 20.5]}, {"CLAMP": 10, "BOTH": 10}, {"SOFT": 4},
+    ),
+    "two parts with the same labels": (
+        text("a.inp", files.assembly(files.instance("A")) + f"*Part, name=OTHER\n{FLAT}*End Part\n"
+             "*Assembly, name=B\n*Instance, name=B, part=other\n20., 0., 0.\n*End Instance\n*End Assembly\n"),
+        TWICE | {"highest": [30, 10, 10]}, {"FOOT": 9, "B.ALL": 27}, {"ALL": 8},
+    ),
+    "parts without an assembly": (text("a.inp", f"*Part, name=P\n{files.PART}*End Part\n"), BLOCK, FOOT, LOW),
+    "a mesh within the instance": (
+        text("a.inp", "*Part, name=CUBE\n*End Part\n*Assembly, name=A\n*Instance, name=A, part=CUBE\n5., 0., 0.\n"
+             f"{files.PART}*End Instance\n*End Assembly\n"),
+        BLOCK | {"lowest": [5, 0, 0], "highest": [15, 10, 10]}, FOOT, LOW,
+    ),
+    "reference points": (
+        text("a.inp", files.assembly(files.instance("A"), sets="*Node\n 1, 500., 0., 0.\n*Nset, nset=RP\n1\n")),
+        {"hexahedra": 8, "volume": 1000.0}, FOOT | {"RP": 1}, LOW,
+    ),
+    "two blocks of nodes, one of them named": (
+        text("a.inp", SPLIT.format(files.nodes(files.POINTS[:18]), files.nodes(files.POINTS[18:], range(19, 28)))
+             + f"*Element, type=C3D8, elset=E1\n{files.elements(files.HEXES[:4])}*ELEMENT, ELSET = E2, TYPE=c3d8h\n"
+             + files.elements(files.HEXES[4:], first=5)),
+        BLOCK, {"TOP": 9, "E1": None}, {"E1": 4, "E2": 4},
+    ),
+    "labels with gaps, and a generated set": (
+        text("a.inp", f"*NODE, NSET=Nall\n{files.nodes(labels=LABELS)}*Element,type=C3D8\n"
+             f"{files.elements(labels=LABELS, first=1001)}*Nset, nset=FIXED, generate\n101, {LABELS[8]}, 7\n164, 164\n"),
+        BLOCK, {"FIXED": 10, "Nall": 27}, {},
+    ),
+    "elements over several lines": (
+        text("a.inp", f"*Node\n{files.nodes()}*Element, type=C3D8\n"
+             + files.elements().replace(", ", ",\n", 5).replace(", ", " ,", 3)),
+        BLOCK, {}, {},
+    ),
+    "continued keyword lines, comments, quoted names and sets of sets": (
+        text("a.inp", f"** by hand\n*Node,\n  nset=\"all nodes\"\n{files.nodes()}** between\n"
+             f"*Element, type=C3D8,\nelset=BODY\n{files.elements()}"
+             "*Nset, nset=A\n1, 2, 3,\n*Nset, nset=B\na, 4\n\n*Nset, nset=C\n\"all nodes\", B\n"
+             "*Elset, elset=D\nBODY\n*Nset, nset=E, elset=D\n*Elset, elset=D1\n 1\n*Nset, nset=F, elset=d1\n"),
+        BLOCK, {"A": 3, "B": 4, "C": 27, "E": 27, "F": 8, "all nodes": 27}, {"D": 8, "BODY": 8},
+    ),
+    "nested includes and input files": (
+        text("a.inp", "*Include, input=one.inp\n*Nset, nset=FOOT\n" + files.numbers(files.FOOT),
+             one_inp="*Include, INPUT=two.inp\n*Element, type=C3D8, input=cells.txt\n", two_inp="*Node, input=nodes.txt\n",
+             nodes_txt=files.nodes(), cells_txt=files.elements()),
+        BLOCK, FOOT, {},
+    ),
+    "Fortran's numbers, tabs, DOS lines and a mark of the order of bytes": (
+        text("a.inp", "\ufeff" + FLAT.replace(".0", ".D+00").replace(", ", "\t,\t").replace("\n", "\r\n")), BLOCK, {}, {"ALL": 8},
+    ),
+    "surfaces of elements and nodes, and shells as a set": (
+        text("a.inp", FLAT + "*Element, type=S4R, elset=SHELL\n101, 1, 2, 5, 4\n*Elset, elset=LOW, generate\n1, 4\n"
+             "*Surface, type=ELEMENT, name=SOLE\nLOW, S1\n*Surface, name=ONE\n8, S2\n*Surface, type=NODE, name=N\nALL\n"
+             .replace("NODE, name=N\nALL", "NODE, name=N\n1, 1.\n")),
+        BLOCK, {"SOLE": None, "ONE": 4, "N": 1, "SHELL": 4}, {"LOW": 4},
+    ),
+    "steps and loads after the mesh": (
+        text("a.inp", FLAT + "*Material, name=M\n*Elastic\n1., 0.3\n*Step\n*Static\n1., 1.\n*Node print\nU\n*End Step\n"),
+        BLOCK, {}, {},
+    ),
+    "tetrahedra of Abaqus, some turned inside out": (
+        text("a.inp", f"*Node\n{files.nodes(files.CUBE)}*Element, type=C3D4\n"
+             + files.elements([files.FIVE[0][::-1], *files.FIVE[1:]])),
+        {"nodes": 8, "hexahedra": 20, "volume": 1000.0, "cells": {"tetrahedra": 5}}, {}, {},
+    ),
+    "wedges": (
+        text("a.inp", f"*Node\n{files.nodes(files.CUBE)}*Element, type=C3D6\n{files.elements(WEDGES)}"),
+        {"nodes": 8, "hexahedra": 12, "volume": 1000.0, "cells": {"wedges": 2}}, {}, {},
+    ),
+    "Gmsh 2.2 with sparse tags, an element in two groups and an unused node": (
+        text("a.msh", files.gmsh_text(np.arange(27) * 3 + 40, extra="9999 7 7 7\n")),
+        {"hexahedra": 8, "volume": 1000.0}, {"clamp": 9, "tissue": 27}, {"tissue": 8, "volume.7": 4},
+    ),
+    "Gmsh 2.2 without groups": (text("a.msh", files.gmsh_text(np.arange(27) + 1, physical=False)), BLOCK, {}, {}),
+    "the same name for a surface and a volume": (
+        text("a.msh", files.gmsh_text(np.arange(27) + 1).replace('"clamp"', '"tissue"')),
+        BLOCK, {"surface.tissue": 9, "volume.tissue": 27}, {"volume.tissue": 8},
+    ),
+    **{
+        f"Gmsh {version}, {'binary' if binary else 'text'}, {'hexahedra' if recombine else 'tetrahedra'}": (
+            generated(version=version, binary=binary, recombine=recombine),
+            BOX if recombine else {"volume": 2000.0, "highest": [20, 10, 10]},
+            {"clamp": 9 if recombine else None}, {"half": 8 if recombine else None, "tissue": 16 if recombine else None},
+        )
+        for version, binary, recombine in [
+            (2.2, False, True), (2.2, True, True), (4.1, False, True), (4.1, True, True), (4.1, True, False), (2.2, False, False),
+        ]
+    },
+    "Gmsh 4.1 with all elements saved": (
+        generated(save_all=True, recombine=True), {"hexahedra": 16, "volume": 2000.0}, {"clamp": 9}, {"half": 8, "tissue": 16},
+    ),
+    "VTU with arrays of 0 and 1": (
+        written("vtu", HEX, point_data=FLAGS, cell_data=REGION), BLOCK, {"foot": 9, "low": 18}, {"low": 4}),
+    "VTK as text": (written("vtk", HEX, point_data=FLAGS, cell_data=REGION, binary=False), BLOCK, {"foot": 9}, {"low": 4}),
+    "VTU of tetrahedra and hexahedra that do not touch": (
+        written("vtu", [*HEX, ("tetra", np.array(files.FIVE) + 27)], points=np.concatenate([files.POINTS, files.CUBE + 30.0])),
+        {"nodes": 35, "volume": 2000.0, "cells": {"hexahedra": 8, "tetrahedra": 5}, "hexahedra": 8 * 8 + 20}, {}, {},
+    ),
+    **{
+        f"FEBio {version}": (
+            text("a.feb", files.feb(version)), BLOCK, {"FOOT": 9, "sole": 9, "all": 27, "tissue": 27}, LOW | {"tissue": 8},
+        )
+        for version in ("2.5", "3.0", "4.0")
+    },
+    "FEBio with its mesh in another file and ranges": (
+        text("a.feb", '<febio_spec version="4.0"><Mesh from="b.feb"/></febio_spec>',
+             b_feb=files.feb("4.0").replace(">1,2,3,4</ElementSet>", ">1:4</ElementSet>")),
+        BLOCK, FOOT, LOW,
+    ),
+}  # fmt: skip
+
+
+@pytest.fixture
+def in_this_process(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Files are read without a child, for speed; ``open`` is put back afterwards."""
+    monkeypatch.setattr(builtins, "open", builtins.open)
+    monkeypatch.setattr(mesh_file, "read_in_child", lambda reader, path, damaged: reader(str(path)))
+
+
+@pytest.mark.parametrize(("write", "found", "node_sets", "element_sets"), READ.values(), ids=READ)
+def test_a_right_file_is_read_whole(
+    write: Callable[[Path], Path],
+    found: Mapping,
+    node_sets: Mapping,
+    element_sets: Mapping,
+    tmp_path: Path,
+    in_this_process: None,
+) -> None:
+    contents = mesh_contents(write(tmp_path))
+    for key, value in found.items():
+        if key in ("nodes", "hexahedra", "cells"):
+            assert contents[key] == value, key
+        else:
+            np.testing.assert_allclose(contents[key], value, rtol=1e-9, atol=1e-9, err_msg=key)
+    for kind, sizes in (("node_sets", node_sets), ("element_sets", element_sets)):
+        for name, size in sizes.items():
+            assert contents[kind][name] == size or (size is None and contents[kind][name] > 0), (name, contents[kind])
+
+
+REFUSED = {
+    "an instance of no part": (
+        text("a.inp", files.assembly(files.instance("A").replace("part=CUBE", "part=CUB"))), 'did you mean "CUBE"'),
+    "generated nodes": (text("a.inp", FLAT + "*Nfill, nset=X\nA, B, 3, 1\n"), "*Nfill: this generates nodes"),
+    "cylindrical coordinates": (text("a.inp", FLAT.replace("*Node", "*Node, system=C")), "rectangular"),
+    "a label that is twice there": (text("a.inp", FLAT + "*Node\n5, 1., 1., 1.\n"), "node 5 is defined twice"),
+    "an element without a node": (text("a.inp", FLAT.replace("8, 14,", "8, 999,")), "names node 999"),
+    "a set without a node": (text("a.inp", FLAT + "*Nset, nset=A\n1, 99\n"), "line 38, *Nset: node 99 does not exist"),
+    "a set of no set": (text("a.inp", FLAT + "*Nset, nset=ABC\n1\n*Nset, nset=B\nABD\n"), 'no set "ABD"; did you mean "ABC"'),
+    "a set within itself": (text("a.inp", FLAT + "*Nset, nset=A\nB\n*Nset, nset=B\nA\n"), "contains itself"),
+    "elements of another order": (text("a.inp", FLAT.replace("C3D8,", "C3D20,")), "does not have the 20 nodes of the type C3D20"),
+    "cohesive elements": (text("a.inp", FLAT + "*Element, type=COH3D8\n99, 1,2,3,4,5,6,7,8\n"), "COH3D8 is not supported"),
+    "shells alone": (
+        text("a.inp", f"*Node\n{files.nodes()}*Element, type=S4\n1, 1, 2, 5, 4\n"), "no hexahedra and no tetrahedra"),
+    "a file to include that is not there": (text("a.inp", "*Include, input=b.inp\n"), 'the file "b.inp" does not exist'),
+    "another file": (text("a.inp", "once upon a time\n"), "line 1: there is no keyword"),
+    "a word as coordinate": (text("a.inp", FLAT.replace("5.0", "five", 1)), "line 3, *Node"),
+    "a pyramid": (text("a.inp", FLAT + "*Element, type=C3D5\n99, 1, 2, 5, 4, 10\n"), "1 pyramid"),
+    "tetrahedra on hexahedra": (written("vtu", [*HEX, ("tetra", files.HEXES[:1, [0, 1, 3, 4]])]), "do not fit together"),
+    "tetrahedra of second order": (
+        written("vtu", [("tetra10", np.arange(10)[None])]), "1 tetra10 cells; only"),
+    "Gmsh 4.0": (text("a.msh", "$MeshFormat\n4 0 8\n$EndMeshFormat\n"), "msh41"),
+    "a Gmsh file that is cut": (text("a.msh", files.gmsh_text(np.arange(27))[:900]), "has no end"),
+    "a surface file": (text("a.stl", "solid a\nendsolid a\n"), "explicitfe new model"),
+    "FEBio with parts of an assembly": (text("a.feb", files.feb("4.0").replace("<Mesh>", "<Mesh><Part/>")), "<Part> in its mesh"),
+    "FEBio that is cut": (text("a.feb", files.feb("4.0")[:500]), "no whole XML"),
+    "FEBio's higher elements": (text("a.feb", files.feb("3.0").replace("hex8", "hex20")), "hexahedron20"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("write", "words"), REFUSED.values(), ids=REFUSED)
+def test_what_is_not_read_is_refused_with_its_cause(
+    write: Callable[[Path], Path], words: str, tmp_path: Path, in_this_process: None
+) -> None:
+    with pytest.raises(InputError) as refusal:
+        mesh_contents(write(tmp_path))
+    assert words in str(refusal.value) and str(refusal.value).endswith((".", "?")), refusal.value
+
+
+# ---- sets by name in model files and scenarios ----
+
+SCENARIO = """\
+title = "A block"
+[model]
+file = "block.toml"
+{model}
+[[load]]
+nodes = "TOP"
+force_N = [0.01, 0.0, 0.0]
+[analysis]
+duration_ms = 1.0
+"""
+NAMED = FLAT + (
+    f"*Nset, nset=FOOT\n{files.numbers(files.FOOT)}*Nset, nset=TOP, generate\n19, 27\n*Elset, elset=LOW\n1, 2, 3, 4\n"
+)
+
+
+def model_of(folder: Path, mesh: str, model_file: str, model: str = "", scenario: str = SCENARIO) -> Any:
+    """The physics of a scenario on a mesh file that is described by a model file."""
+    (folder / "block.inp").write_text(mesh)
+    (folder / "block.toml").write_text(f'mesh = "block.inp"\nlength_unit = "mm"\n{model_file}')
+    (folder / "run.toml").write_text(scenario.format(model=model))
+    read, _ = read_scenario(folder / "run.toml")
+    assert isinstance(read, TransientScenario)
+    return assemble(read, folder).model
+
+
+def test_sets_of_the_mesh_hold_and_load(tmp_path: Path) -> None:
+    """By name, without a list of numbers; a single name needs no brackets."""
+    model = model_of(tmp_path, NAMED, 'fixed = "FOOT"\n')
+    assert np.flatnonzero(model.held.all(axis=1)).tolist() == files.FOOT.tolist()
+    assert len(model.loads[0].nodes) == 9 and np.isclose(model.loads[0].force_N[:, 0].sum(), 0.01)
+
+
+def test_elements_of_a_set_have_their_own_material(tmp_path: Path) -> None:
+    materials = "material = { C10_Pa = 1000.0, C20_Pa = 0.0 }\nmaterials = { LOW = { C10_Pa = 3000.0, C20_Pa = 0.0 } }"
+    model = model_of(tmp_path, NAMED, 'fixed = ["FOOT"]\n', materials)
+    (part,) = model.inclusions
+    assert part.elements.tolist() == [0, 1, 2, 3] and part.material.C10_Pa == 3000.0
+    with pytest.raises(InputError, match=r'model.materials: unknown element set "LO"; did you mean "LOW"'):
+        model_of(tmp_path, NAMED, 'fixed = ["FOOT"]\n', materials.replace("LOW", "LO"))
+
+
+def test_nodes_by_the_labels_of_the_file(tmp_path: Path) -> None:
+    """Abaqus numbers nodes as it likes: the lists of a model file may use these numbers."""
+    mesh = f"*Node\n{files.nodes(labels=LABELS)}*Element, type=C3D8\n{files.elements(labels=LABELS)}*Nset, nset=TOP\n283\n"
+    model = model_of(tmp_path, mesh, 'first_number = "labels"\nfixed = ["a"]\n[node_sets]\na = [101, 108]\n')
+    assert np.flatnonzero(model.held.all(axis=1)).tolist() == [0, 1]
+    with pytest.raises(InputError, match=r"node 102 in node_sets.a does not exist"):
+        model_of(tmp_path, mesh, 'first_number = "labels"\n[node_sets]\na = [102]\n')
+    parts = files.assembly(files.instance("A"), files.instance("B", "0., 0., 11.\n"))
+    with pytest.raises(InputError, match="needs a mesh file in which each node has one label"):
+        model_of(tmp_path, parts, 'first_number = "labels"\n')
+
+
+def test_nodes_without_elements_are_left_out(tmp_path: Path) -> None:
+    """Reference points are no tissue; who needs one is told."""
+    mesh = "*Node\n500, 90., 0., 0.\n" + NAMED + "*Nset, nset=RP\n500\n"
+    model = model_of(tmp_path, mesh, 'fixed = ["FOOT"]\n')
+    assert model.mesh.node_count == 27 and np.flatnonzero(model.held.all(axis=1)).tolist() == files.FOOT.tolist()
+    with pytest.raises(InputError, match="nodes of RP belong to no element"):
+        model_of(tmp_path, mesh, 'fixed = ["RP"]\n')
+    with pytest.raises(InputError, match=r"node 0 in named_points.p belongs to no element"):
+        model_of(tmp_path, mesh, "named_points = { p = 0 }\n")
+
+
+def test_sets_of_tetrahedra_become_those_of_hexahedra(tmp_path: Path) -> None:
+    """New nodes between those of a set on the surface belong to it, and those inside the body do not."""
+    mesh = f"*Node\n{files.nodes(files.CUBE)}*Element, type=C3D4, elset=ALL\n{files.elements(files.FIVE)}"
+    mesh += "*Nset, nset=FOOT\n1, 2, 3, 4\n*Nset, nset=TOP\n5, 6, 7, 8\n*Nset, nset=EDGE\n1, 2\n*Elset, elset=ONE\n1\n"
+    model = model_of(tmp_path, mesh, 'fixed = ["FOOT"]\n')
+    sets = model.mesh.node_sets
+    # A square of two triangles: 4 corners, 5 middles of edges, 2 of triangles.
+    assert {name: len(sets[name]) for name in ("FOOT", "TOP", "EDGE", "ONE")} == {"FOOT": 11, "TOP": 11, "EDGE": 3, "ONE": 15}
+    assert (model.mesh.points[sets["FOOT"], 2] == 0.0).all()
+    assert np.isclose(volumes(model.mesh.points, model.mesh.hexes).sum(), 1e-6)
+
+
+def test_a_cell_array_names_elements_and_nodes(tmp_path: Path) -> None:
+    cells = {"region": [np.arange(8) // 4 + 1]}
+    meshio.write(tmp_path / "block.vtu", meshio.Mesh(files.POINTS, HEX, cell_data=cells))
+    path = tmp_path / "block.toml"
+    path.write_text(
+        'mesh = "block.vtu"\nlength_unit = "mm"\nfixed = ["low"]\n[node_sets]\nlow = { cell_data = "region", value = 1 }\n'
+    )
+    anatomy = read_model_file(path)
+    assert anatomy.element_sets["low"].tolist() == [0, 1, 2, 3] and len(anatomy.mesh.node_sets["low"]) == 18
+    path.write_text(path.read_text().replace("value = 1", "value = 7"))
+    with pytest.raises(InputError, match="no element has region = 7"):
+        read_model_file(path)

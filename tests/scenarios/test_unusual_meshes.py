@@ -13,8 +13,14 @@ import numpy as np
 import pytest
 
 from explicitfe.app.tools.mesh_contents import mesh_contents
+from explicitfe.fem.mesh.box import box
+from explicitfe.fem.mesh.hexmesh import HexMesh
 from explicitfe.fem.mesh.quality import volumes
+from explicitfe.fem.mesh.traced_fibres import harmonic_direction, trace_fibres
+from explicitfe.fem.model.fibre_stress import fibre_stress
+from explicitfe.fem.model.profile import Profile
 from explicitfe.platform.errors import InputError
+from explicitfe.simulate.anatomy.anatomy import Anatomy
 from explicitfe.simulate.anatomy.own_mesh import read_model_file
 from explicitfe.simulate.anatomy.tongue import assemble
 from explicitfe.simulate.meshes import mesh_file
@@ -356,3 +362,70 @@ def test_a_cell_array_names_elements_and_nodes(tmp_path: Path) -> None:
     path.write_text(path.read_text().replace("value = 1", "value = 7"))
     with pytest.raises(InputError, match="no element has region = 7"):
         read_model_file(path)
+
+
+# ---- muscles by sets ----
+
+
+def _bar(folder: Path, muscle: str) -> Anatomy:
+    """A bar of 40 x 10 x 10 mm with the element set BELLY, its upper half, and node sets of its ends."""
+    bar = box((8, 2, 2), (4.0, 1.0, 1.0))  # cm
+    ends = [np.flatnonzero(bar.points[:, 0] == x) for x in (0.0, 4.0)]
+    belly = np.flatnonzero(bar.points[bar.hexes].mean(axis=1)[:, 2] > 0.5)
+    sets = "".join(f"*Nset, nset={name}\n{files.numbers(of)}" for name, of in zip(("NEAR", "FAR"), ends, strict=True))
+    mesh = f"*Node\n{files.nodes(bar.points)}*Element, type=C3D8\n{files.elements(bar.hexes)}{sets}"
+    (folder / "bar.inp").write_text(f"{mesh}*Elset, elset=BELLY\n{files.numbers(belly)}")
+    (folder / "bar.toml").write_text(f'mesh = "bar.inp"\nlength_unit = "cm"\n[[muscle]]\nname = "M"\n{muscle}')
+    return read_model_file(folder / "bar.toml")
+
+
+DESCRIPTIONS = ['elements = "BELLY"\ndirection = [2.0, 0.0, 0.0]\n', 'elements = "BELLY"\norigin = "NEAR"\ninsertion = "FAR"\n']
+
+
+@pytest.mark.parametrize("muscle", DESCRIPTIONS, ids=["direction", "between"])
+def test_a_muscle_of_elements_pulls_with_its_force(muscle: str, tmp_path: Path) -> None:
+    """Its stress is the force over the section, 50 mm², uniform and along the bar, in its elements alone."""
+    anatomy = _bar(tmp_path, muscle)
+    m, mesh = anatomy.muscles["M"], anatomy.mesh
+    for side, elements, area_m2 in (("both", 16, 50e-6), ("left", 8, 25e-6)):
+        stress = fibre_stress(mesh, m, 0.1 * area_m2 / 50e-6, side, Profile.constant())
+        assert len(stress.elements) == elements and set(stress.elements) <= set(anatomy.element_sets["BELLY"])
+        np.testing.assert_allclose(stress.stress_Pa, 0.1 / 50e-6, rtol=2e-3)
+        np.testing.assert_allclose(np.abs(stress.direction[:, 0]), 1.0, rtol=1e-9)
+    assert {fibre.side for fibre in m.fibres} == {"left", "right"} and len(m.fibres) == 2
+    for fibre in m.fibres:
+        np.testing.assert_allclose(fibre.points.position[[0, -1], 0], [0.0, 0.04], atol=1e-4)
+
+
+def test_fibres_follow_a_bent_muscle(tmp_path: Path) -> None:
+    """In a quarter of a ring they run around its centre, not straight from end to end."""
+    flat = box((16, 2, 4), (1.0, 1.0, 1.0))
+    angle, radius = 0.5 * np.pi * flat.points[:, 0], 0.02 + 0.01 * flat.points[:, 2]
+    points = np.stack([radius * np.cos(angle), 0.01 * flat.points[:, 1], radius * np.sin(angle)], axis=1)
+    ring = HexMesh(points, flat.hexes[:, [3, 2, 1, 0, 7, 6, 5, 4]])
+    ends = [np.flatnonzero(flat.points[:, 0] == x) for x in (0.0, 1.0)]
+    everywhere = np.arange(ring.element_count)
+    direction = harmonic_direction(ring, everywhere, *ends)
+    centre = ring.points[ring.hexes].mean(axis=1)
+    around = np.cross([0.0, -1.0, 0.0], centre * [1.0, 0.0, 1.0])
+    assert (np.einsum("ij,ij->i", direction, around) / np.linalg.norm(around, axis=1) > 0.999).all()
+    fibres, tissue = trace_fibres(ring, everywhere, direction, 0.005)
+    for fibre in fibres:
+        r = np.hypot(*fibre.points.position[:, [0, 2]].T)
+        assert np.ptp(r) < 0.002
+    assert set(tissue.fibre) == set(range(len(fibres)))
+
+
+WRONG_MUSCLES = {
+    "no such set": ('elements = "BELY"\ndirection = [1.0, 0.0, 0.0]\n', 'no element set "BELY"; did you mean "BELLY"'),
+    "sets that meet": ('origin = "NEAR"\ninsertion = "NEAR"\n', "have nodes in common"),
+    "one end": ('elements = "BELLY"\norigin = "NEAR"\n', "give one description of a muscle"),
+    "no direction": ('elements = "BELLY"\ndirection = [0.0, 0.0, 0.0]\n', "give one description of a muscle"),
+}
+
+
+@pytest.mark.parametrize(("muscle", "words"), WRONG_MUSCLES.values(), ids=WRONG_MUSCLES)
+def test_muscles_of_sets_that_cannot_be(muscle: str, words: str, tmp_path: Path) -> None:
+    with pytest.raises(InputError) as refusal:
+        _bar(tmp_path, muscle)
+    assert words in str(refusal.value) and "bar.toml" in str(refusal.value)

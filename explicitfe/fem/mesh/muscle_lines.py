@@ -67,6 +67,22 @@ class Fibre:
         return cls(points, side, segment_element, relative_tension)
 
 
+@dataclass(frozen=True)
+class MuscleTissue:
+    """The elements of a muscle, where its stress is uniform.
+
+    Attributes
+    ----------
+    elements : (k,).
+    direction : (k, 3) unit vectors.
+    fibre : (k,) place of the fibre that is nearest to each, in the muscle's list.
+    """
+
+    elements: np.ndarray
+    direction: np.ndarray
+    fibre: np.ndarray
+
+
 @dataclass(frozen=True, eq=False)
 class Muscle:
     """One muscle of both sides; never changed, and equal only to itself.
@@ -80,6 +96,7 @@ class Muscle:
     action : what it does, in a line.
     origin_width_m : m. How wide the stress of a fibre is spread at its origin, where fibres converge; as elsewhere if None.
     parts : names of the muscles of the same model that it consists of; empty for one that is not a whole of others.
+    tissue : the elements of a muscle that is given by them, as its body counts them; None for one that is given by fibres.
     """
 
     name: str
@@ -90,6 +107,7 @@ class Muscle:
     action: str = ""
     origin_width_m: float | None = None
     parts: tuple[str, ...] = ()
+    tissue: MuscleTissue | None = None
 
     @classmethod
     def of(

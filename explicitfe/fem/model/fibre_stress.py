@@ -141,7 +141,15 @@ class _TissueField:
 @kept(_KEPT_MUSCLE_FIELDS)
 @store_answers(_TissueField, sources=_CODE_OF_FIELDS)
 def _tissue_field(mesh: HexMesh, muscle: Muscle, side: Side, fibres: tuple[int, ...] | None, width_mm: float) -> _TissueField:
-    """The field of ``fibre_stress``."""
+    """The field of ``fibre_stress``; in a muscle that is given by elements a uniform stress of its force over its section."""
+    if muscle.tissue is not None:
+        chosen = muscle.chosen(side, fibres)
+        numbers = [number for number, fibre in enumerate(muscle.fibres) if any(fibre is one for one in chosen)]
+        own = np.isin(muscle.tissue.fibre, numbers)
+        elements = muscle.tissue.elements[own]
+        lengths = [np.linalg.norm(np.diff(fibre.points.position, axis=0), axis=1).sum() for fibre in chosen]
+        size = float(volumes(mesh.points, mesh.hexes[elements]).sum())
+        return _TissueField(elements, muscle.tissue.direction[own], np.ones(len(elements)), float(np.mean(lengths)), size)
     integral = np.zeros((mesh.element_count, 9))  # of A over each element, for a force of 1 N
     in_all, in_mesh = 0.0, 0.0
     for pieces in _pieces(muscle, muscle.chosen(side, fibres), 1e-3 * width_mm):

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -25,8 +27,10 @@ from explicitfe.fem.mesh.hexmesh import HexMesh, MaterialPoints
 from explicitfe.fem.mesh.muscle_lines import Fibre, Muscle, locate_in_mesh, over_mean
 from explicitfe.fem.mesh.quality import check
 from explicitfe.fem.mesh.size import check_size
+from explicitfe.fem.mesh.traced_fibres import harmonic_direction, trace_fibres
 from explicitfe.platform.errors import InputError, nearest, shortened
 from explicitfe.platform.host.text import text_of, toml_of
+from explicitfe.results.measure.sections import middle
 from explicitfe.simulate.anatomy.anatomy import Anatomy
 from explicitfe.simulate.meshes.content import FileMesh, nodes_of_cells
 from explicitfe.simulate.meshes.mesh_file import read_mesh
@@ -85,7 +89,7 @@ class FibreTable(Table):
 
 
 class FileMuscle(Table):
-    """One muscle of a model file."""
+    """One muscle of a model file: by its fibres, by an element set and their direction, or between two node sets."""
 
     name: Name
     title: Title = ""
@@ -93,7 +97,24 @@ class FileMuscle(Table):
     origin_width_mm: float | None = Field(
         default=None, gt=0.0, description="width of its active stress at the origin, where fibres converge; 3 mm if left out"
     )
-    fibre: list[FibreTable] = Field(min_length=1)
+    elements: Name | None = Field(default=None, description="element set of the muscle; all of the body between two node sets")
+    direction: Vector | None = Field(default=None, description="of all fibres of the element set")
+    origin: Name | None = Field(default=None, description="node set where fibres begin; insertion is then required")
+    insertion: Name | None = Field(default=None, description="node set where fibres end")
+    side: Literal["left", "right"] | None = Field(default=None, description="of all its fibres; by their y if left out")
+    fibre: list[FibreTable] = Field(default=[])
+
+    @model_validator(mode="after")
+    def _one_description(self) -> FileMuscle:
+        between = self.origin is not None and self.insertion is not None
+        along = self.elements is not None and self.direction is not None and any(self.direction)
+        if (self.origin is None) != (self.insertion is None) or [bool(self.fibre), between, along].count(True) != 1:
+            raise ValueError(
+                "give one description of a muscle: [[muscle.fibre]] tables, elements and direction, or origin and insertion"
+            )
+        if self.fibre and (self.elements or self.side):
+            raise ValueError("elements and side do not go with [[muscle.fibre]]; remove them")
+        return self
 
 
 class MeshFile(Table):
@@ -189,6 +210,12 @@ def read_model_file(path: Path) -> Anatomy:
 
     muscles = {}
     for muscle in table.muscle:
+        if not muscle.fibre:
+            try:
+                muscles[muscle.name] = _muscle_of_elements(mesh, muscle, element_sets)
+            except InputError as error:
+                raise InputError(f"{path}: muscle {muscle.name}: {error}") from None
+            continue
         fibres = []
         for count, fibre in enumerate(muscle.fibre, 1):
             what = f"fibre {count} of muscle {muscle.name}"
@@ -205,6 +232,22 @@ def read_model_file(path: Path) -> Anatomy:
         muscles[muscle.name] = Muscle.of(muscle.name, muscle.title, muscle.max_force_N, tuple(fibres), origin_width_m=width)
     notes = (f"{mesh_path}: {body.note}",) if body.note else ()
     return Anatomy(path.stem, mesh, muscles, tuple(table.fixed), element_sets, notes)
+
+
+def _muscle_of_elements(mesh: HexMesh, muscle: FileMuscle, element_sets: Mapping[str, np.ndarray]) -> Muscle:
+    """A muscle without fibres of its own: they are traced."""
+    elements = np.arange(mesh.element_count)
+    if muscle.elements is not None:
+        if muscle.elements not in element_sets:
+            raise InputError(f'there is no element set "{muscle.elements}"; {nearest(muscle.elements, element_sets)}')
+        elements = element_sets[muscle.elements]
+    if muscle.direction is not None:
+        direction = np.tile(np.array(muscle.direction) / np.linalg.norm(muscle.direction), (len(elements), 1))
+    else:
+        ends = [mesh.nodes_of(name) for name in (muscle.origin or "", muscle.insertion or "")]
+        direction = harmonic_direction(mesh, elements, *ends)
+    fibres, tissue = trace_fibres(mesh, elements, direction, middle(mesh), muscle.side)
+    return replace(Muscle.of(muscle.name, muscle.title, muscle.max_force_N, fibres), elements=elements, tissue=tissue)
 
 
 def _without_loose_nodes(body: Hexahedra) -> tuple[np.ndarray, HexMesh]:

@@ -50,7 +50,7 @@ class _Block:
     data: list[tuple[int, str]] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        words = next(csv.reader([self.head[1:]], skipinitialspace=True), [""])
+        words = next(csv.reader([self.head[1:]], skipinitialspace=True), []) or [""]
         pairs = [word.partition("=") for word in words[1:] if word.strip()]
         self.keyword = " ".join(words[0].split()).upper()
         self.parameters = {" ".join(key.split()).upper(): value.strip().strip('"') for key, _, value in pairs}

@@ -23,6 +23,7 @@ from explicitfe.app.tools.lists import (
     ListedProtocol,
     ListedScenario,
 )
+from explicitfe.app.tools.new_model import NewModel
 from explicitfe.app.tools.new_scenario import NewScenario
 from explicitfe.app.view.page.run.write import ReportAnswer
 from explicitfe.inverse.measured.new_dataset import NewDataset
@@ -133,6 +134,7 @@ ANSWERS_OF_COMMANDS: dict[str, tuple[Any, ...]] = {
     "design-test": (PlannedTest, ProposedTests),
     "new-scenario": (NewScenario,),
     "new-dataset": (NewDataset,),
+    "new-model": (NewModel,),
     "list": (
         ListOfModels,
         ListOfMuscles,

@@ -25,6 +25,7 @@ from explicitfe.app.cli.list import list_
 from explicitfe.app.cli.measure import measure
 from explicitfe.app.cli.new import new_scenario
 from explicitfe.app.cli.new_dataset import new_dataset
+from explicitfe.app.cli.new_model import new_model
 from explicitfe.app.cli.plot import plot
 from explicitfe.app.cli.predict import predict
 from explicitfe.app.cli.report import report
@@ -57,7 +58,12 @@ COMMANDS: dict[str, dict[str, Command]] = {
 }
 # Panel -> name of a group -> its help and its commands.
 GROUPS: dict[str, dict[str, tuple[str, dict[str, Command]]]] = {
-    "Scenarios": {"new": ("Create a scenario or a dataset.", {"scenario": new_scenario, "dataset": new_dataset})},
+    "Scenarios": {
+        "new": (
+            "Create a scenario, a model of your own mesh, or a dataset.",
+            {"scenario": new_scenario, "model": new_model, "dataset": new_dataset},
+        )
+    },
 }
 
 app = typer.Typer(

@@ -6,18 +6,19 @@ they neither cross nor end in between, and follow a bent muscle.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 import scipy
 
-from explicitfe.fem.mesh.hexmesh import CORNERS, HexMesh, MaterialPoints, shape_gradients
-from explicitfe.fem.mesh.muscle_lines import Fibre, MuscleTissue, points_of_mesh
+from explicitfe.fem.mesh.hexmesh import CORNERS, FACES, HexMesh, MaterialPoints, face_groups, shape_gradients
+from explicitfe.fem.mesh.muscle_lines import Fibre, MuscleTissue, natural_coordinates
 from explicitfe.fem.mesh.quality import volumes
 from explicitfe.platform.errors import InputError
 
 _MOST_SEEDS = 400  # lines that are traced, of which those stay that lie apart
+_SHORTEST = 1e-7  # m; shorter pieces of a line are left out: a fibre's points must differ
 _APART = 0.7  # of the width of an element, at least, over half of a line
-_INSIDE = 1e-6  # natural coordinates of a point on a face are 1 up to this
-_SMALLEST_STEP = 1 / 256  # of the width of an element: so near to the surface lines end
 
 
 def harmonic_direction(mesh: HexMesh, elements: np.ndarray, origin: np.ndarray, insertion: np.ndarray) -> np.ndarray:
@@ -74,46 +75,83 @@ def trace_fibres(
     ----------
     middle_y_m : fibres beyond are on the right, unless ``side`` says so of all.
     """
-    body = HexMesh(mesh.points, mesh.hexes[elements])
-    centre = mesh.points[body.hexes].mean(axis=1)
-    width = float(np.cbrt(volumes(mesh.points, body.hexes).mean()))
-    seeds = centre[np.unique(np.linspace(0, len(centre) - 1, min(len(centre), _MOST_SEEDS)).astype(int))]
-    back, forth = _halves(body, seeds, -direction, width), _halves(body, seeds, direction, width)
-    lines = [np.array([*reversed(before[1:]), *after]) for before, after in zip(back, forth, strict=True)]
+    hexes = mesh.hexes[elements]
+    centre = mesh.points[hexes].mean(axis=1)
+    apart = _APART * float(np.cbrt(volumes(mesh.points, hexes).mean()))
+    seeds = np.unique(np.linspace(0, len(hexes) - 1, min(len(hexes), _MOST_SEEDS)).astype(int))
+    back, forth = (_Walk.from_centres(mesh.points, hexes, seeds, along) for along in (-direction, direction))
+    lines = [
+        np.array([*reversed(before), centre[k], *after]) for k, before, after in zip(seeds, back.lines, forth.lines, strict=True)
+    ]
+    crossed = [[*reversed(before), *after] for before, after in zip(back.crossed, forth.crossed, strict=True)]
     lengths = [float(np.linalg.norm(np.diff(line, axis=0), axis=1).sum()) for line in lines]
-    chosen: list[np.ndarray] = []
+    chosen: list[int] = []
     for number in sorted(range(len(lines)), key=lambda k: -lengths[k]):
-        line = lines[number]
-        apart = _APART * width
-        if chosen and np.median(scipy.spatial.cKDTree(np.concatenate(chosen)).query(line)[0]) < apart:
-            continue
-        if lengths[number] > _APART * width or not chosen:
-            chosen.append(line)
+        taken = [lines[k] for k in chosen]
+        near = np.median(scipy.spatial.cKDTree(np.concatenate(taken)).query(lines[number])[0]) if taken else np.inf
+        if near >= apart and (lengths[number] > apart or not taken):
+            chosen.append(number)
     fibres = []
-    for line in chosen:
-        points, _ = points_of_mesh(body, line[np.append(np.arange(0, len(line) - 1, 2), len(line) - 1)])
-        points = MaterialPoints(elements[points.element], points.natural, points.position)
+    for number in chosen:
+        line, segment = lines[number], np.array(crossed[number])
+        of_point = np.append(segment, segment[-1])
+        natural, _ = natural_coordinates(mesh.points[hexes[of_point]], line, np.zeros_like(line))
+        points = MaterialPoints(elements[of_point], np.clip(natural, -1.0, 1.0), line)
         own_side = side or ("right" if line[:, 1].mean() > middle_y_m else "left")
-        fibres.append(Fibre.through(points, own_side, mesh))
-    of_point = np.repeat(np.arange(len(chosen)), [len(line) for line in chosen])
-    nearest = scipy.spatial.cKDTree(np.concatenate(chosen)).query(centre)[1]
+        fibres.append(Fibre(points, own_side, elements[segment]))
+    of_point = np.repeat(np.arange(len(chosen)), [len(lines[k]) for k in chosen])
+    nearest = scipy.spatial.cKDTree(np.concatenate([lines[k] for k in chosen])).query(centre)[1]
     return tuple(fibres), MuscleTissue(elements, direction, of_point[nearest])
 
 
-def _halves(body: HexMesh, seeds: np.ndarray, direction: np.ndarray, width: float) -> list[list[np.ndarray]]:
-    """Points of lines from seeds (s, 3) along the directions of elements, half of a width apart, to the surface."""
-    lines = [[seed] for seed in seeds]
-    head, step = seeds.copy(), np.full(len(seeds), 0.5 * width)
-    element = points_of_mesh(body, head, _INSIDE)[0].element
-    longest = 4.0 * np.ptp(body.points[body.hexes].reshape(-1, 3), axis=0).sum()
-    for _ in range(int(longest / width) + 50):
-        going = np.flatnonzero(step >= _SMALLEST_STEP * width)
-        if not len(going):
-            break
-        ahead = head[going] + step[going, None] * direction[element[going]]
-        points, inside = points_of_mesh(body, ahead, _INSIDE)
-        step[going[~inside]] *= 0.5
-        for number, place, of in zip(going[inside], ahead[inside], points.element[inside], strict=True):
-            head[number], element[number] = place, of
-            lines[number].append(place)
-    return lines
+@dataclass
+class _Walk:
+    """Lines from the centres of elements, straight in each element, to the face where its direction leaves it.
+
+    Attributes
+    ----------
+    lines : of each its points on faces, without the centre.
+    crossed : of each the elements before these points.
+    """
+
+    lines: list[list[np.ndarray]]
+    crossed: list[list[int]]
+
+    @classmethod
+    def from_centres(cls, points: np.ndarray, hexes: np.ndarray, seeds: np.ndarray, direction: np.ndarray) -> _Walk:
+        """Walk from elements ``seeds`` (s,) along the directions (m, 3) of elements until these end, or a line comes back."""
+        corners = points[hexes[:, FACES]]  # (m, 6 faces, 4, 3)
+        middle = corners.mean(axis=2)
+        normal = np.cross(corners[:, :, 2] - corners[:, :, 0], corners[:, :, 3] - corners[:, :, 1])
+        centre = points[hexes].mean(axis=1)
+        normal *= np.sign(np.einsum("mfi,mfi->mf", normal, middle - centre[:, None]))[:, :, None]
+        neighbour = _neighbours(hexes)
+        speed = np.einsum("mfi,mi->mf", normal, direction)
+        walk = cls([[] for _ in seeds], [[] for _ in seeds])
+        for line, crossed, seed in zip(walk.lines, walk.crossed, seeds, strict=True):
+            element, entry, place, visited = int(seed), -1, centre[seed], set[int]()
+            while element >= 0 and element not in visited:
+                ahead = np.einsum("fi,fi->f", normal[element], middle[element] - place)
+                with np.errstate(divide="ignore", invalid="ignore"):
+                    way = np.where(speed[element] > 0.0, ahead / speed[element], np.inf)
+                way[neighbour[element] == entry if entry >= 0 else []] = np.inf
+                face = int(way.argmin())
+                if not np.isfinite(way[face]):
+                    break
+                if way[face] > _SHORTEST:
+                    place = place + way[face] * direction[element]
+                    line.append(place)
+                    crossed.append(element)
+                visited.add(element)
+                element, entry = int(neighbour[element, face]), element
+        return walk
+
+
+def _neighbours(hexes: np.ndarray) -> np.ndarray:
+    """The element beyond each face, (m, 6); -1 where there is none."""
+    order, begins = face_groups(hexes)
+    two = begins[np.diff(begins, append=len(order)) == 2]
+    first, second = order[two], order[two + 1]
+    neighbour = np.full(6 * len(hexes), -1)
+    neighbour[first], neighbour[second] = second // 6, first // 6
+    return neighbour.reshape(-1, 6)

@@ -154,3 +154,12 @@ def mesh_table(contents: MeshContents) -> Table:
         span = values or f"{array['lowest']:g} to {array['highest']:g}"
         table.add_row(f"{array['of']} array", escape(f"{array['name']}: {span}"))
     return table
+
+
+def new_model_table(model: str, scenario: str, contents: MeshContents, volume_ratio: float | None) -> Group:
+    """A new model: what is in its mesh, and its files."""
+    table = mesh_table(contents)
+    if volume_ratio is not None:
+        table.add_row("volume", f"{100.0 * volume_ratio:.1f} % of that inside the surface; smaller elements follow it closer")
+    files = [("mesh", contents["mesh"]), ("model", model), ("scenario", scenario)]
+    return Group(table, file_lines(files))

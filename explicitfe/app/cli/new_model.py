@@ -1,0 +1,51 @@
+"""``explicitfe new model``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, cast
+
+import typer
+
+from explicitfe.app.cli.answer import console, print_answer
+from explicitfe.app.cli.new import print_next
+from explicitfe.app.cli.options import JsonOption
+from explicitfe.app.view.progress import following
+from explicitfe.platform.errors import InputError, nearest
+
+UNITS = ("m", "cm", "mm")
+
+
+def new_model(
+    mesh: Annotated[
+        Path,
+        typer.Option(
+            "--mesh",
+            metavar="FILE",
+            help="Mesh file (.msh, .inp, .feb, .vtu, ...) or closed surface (.stl, .obj, .ply).",
+            show_default=False,
+        ),
+    ],
+    size_mm: Annotated[
+        float | None, typer.Option("--size", metavar="MM", help="Edge of the hexahedra in a surface, in mm.", show_default=False)
+    ] = None,
+    unit: Annotated[str, typer.Option("--unit", help="Unit of the lengths in the file: m, cm or mm.")] = "mm",
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Output folder.")] = Path(),
+    as_json: JsonOption = False,
+) -> None:
+    """Write a model file and a scenario for a mesh, with its sets; mesh a closed surface with hexahedra.
+
+    Example: [bold]explicitfe new model --mesh blob.stl --size 4[/bold]
+
+    Example: [bold]explicitfe new model --mesh tongue.msh --unit m[/bold]
+    """  # fmt: skip
+    if unit not in UNITS:
+        raise InputError(f'--unit "{unit}" is not possible; {nearest(unit, UNITS)}')
+    with following(console, f"meshing {mesh}" if size_mm else f"reading {mesh}"):
+        from explicitfe.app.tools.new_model import Unit, write_new_model
+        from explicitfe.app.view.terminal.program import new_model_table
+
+        model = write_new_model(mesh, out, size_mm=size_mm, unit=cast(Unit, unit))
+    print_answer(model, as_json, lambda: new_model_table(**model))
+    if not as_json:
+        print_next(f"explicitfe check {model['scenario']}", f"explicitfe run {model['scenario']}")

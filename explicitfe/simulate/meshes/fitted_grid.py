@@ -1,0 +1,181 @@
+"""Hexahedra inside a closed surface: a grid of cubes, a layer from its outer faces to the surface, and nodes that are then moved.
+
+The layer gives each hexahedron at most one face on the surface, so that none is flattened where a corner of the grid meets a
+smooth surface (Schneiders 1996, Engng. Comput. 12:168-177). Nodes then move to where the mean ratio of all corners is best
+(Knupp 2000), those of the surface along it. Edges sharper than an element are rounded.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy
+
+from explicitfe.fem.bones.distance import DistanceField, distance_field
+from explicitfe.fem.bones.surface import TriangleSurface, in_mm
+from explicitfe.fem.mesh.hexmesh import FACES, HexMesh, free_faces
+from explicitfe.fem.mesh.quality import scaled_jacobians
+from explicitfe.fem.mesh.size import check_size
+from explicitfe.fem.mesh.triangles import triangle_samples
+from explicitfe.platform.errors import InputError
+
+_CORE_DEPTH = 0.1  # of a cube: corners of the grid's cubes lie so deep inside at least
+_FARTHEST = 1.5  # cubes; so near to each point of the surface is a node of the mesh
+_PER_CUBE = 3  # nodes of the field of distances along a cube
+_ROUNDS, _ITERATIONS = 12, 25
+_PROJECTIONS = 4
+# The edges that leave a corner of a hexahedron, in right-handed order.
+_EDGES = np.array([(1, 3, 4), (2, 0, 5), (3, 1, 6), (0, 2, 7), (7, 5, 0), (4, 6, 1), (5, 7, 2), (6, 4, 3)])
+
+
+def mesh_surface(surface: TriangleSurface, size_m: float) -> HexMesh:
+    """Hexahedra with edges of about ``size_m`` inside a closed surface, the largest piece of it that cubes fit into.
+
+    Raises
+    ------
+    InputError : the surface is thinner than three elements everywhere, or its inside needs too many of them.
+    """
+    low, high = surface.box_m
+    check_size(int(np.prod(np.ceil((high - low) / size_m))), "the grid", "increase --size")
+    count = np.ceil((high - low) / size_m).astype(int) + 2
+    first = 0.5 * (low + high - size_m * count)
+    region = np.stack([first, first + size_m * count])
+    field = distance_field(surface, spacing_m=size_m / _PER_CUBE, smoothing_m=0.0, region=region)
+    grid = np.stack(np.meshgrid(*(np.arange(n + 1) for n in count), indexing="ij"), axis=-1)
+    points = first + size_m * grid.reshape(-1, 3)
+    deep = (field.at(points)[0] < -_CORE_DEPTH * size_m).reshape(grid.shape[:3])
+    core = np.ones(count, dtype=bool)
+    for i, j, k in np.ndindex(2, 2, 2):
+        core &= deep[i : i + count[0], j : j + count[1], k : k + count[2]]
+    core = _without_hinges(core)
+    if not core.any():
+        raise InputError(f"no cube of {1e3 * size_m:g} mm lies inside the surface; decrease --size.")
+    number = np.arange(len(points)).reshape(grid.shape[:3])
+    corners = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1)]
+    cells = np.argwhere(core)
+    hexes = np.stack([number[tuple((cells + corner).T)] for corner in corners], axis=1)
+    used, hexes = np.unique(hexes, return_inverse=True)
+    points, hexes = points[used], hexes.reshape(-1, 8)
+    element, face = free_faces(hexes)
+    quads = hexes[element[:, None], FACES[face]]
+    inner, outer = np.unique(quads, return_inverse=True)
+    outer = len(points) + outer.reshape(quads.shape)
+    layer = np.concatenate([quads, outer], axis=1)  # FACES turn counter-clockwise seen from outside
+    hexes = np.concatenate([hexes, layer])
+    points = np.concatenate([points, _on_surface(field, points[inner])])
+    _check_whole(surface, points[len(used) :], size_m)
+    return HexMesh(_improve(points, hexes, len(used), field), hexes)
+
+
+def _check_whole(surface: TriangleSurface, points: np.ndarray, size_m: float) -> None:
+    """InputError where a part of the surface has no node (k, 3) of the mesh near it."""
+    samples, _ = triangle_samples(surface.corners, 0.5 * size_m, surface.box_m)
+    away = scipy.spatial.cKDTree(points).query(samples)[0]
+    if away.max() > _FARTHEST * size_m:
+        raise InputError(
+            f"a part of the surface around {in_mm(samples[away.argmax()])} is thinner than three elements of {1e3 * size_m:g} mm "
+            "or lies apart, and would be missing; decrease --size."
+        )
+
+
+def _without_hinges(core: np.ndarray) -> np.ndarray:
+    """The largest part of cubes that faces connect, without cubes that share an edge or a corner only with their neighbours."""
+    core = core.copy()
+    while True:
+        label, count = scipy.ndimage.label(core)
+        if count > 1:
+            core = label == 1 + np.argmax(np.bincount(label.ravel())[1:])
+        padded = np.pad(core, 1)
+        hinges = np.zeros_like(padded)
+        for a, b in ((0, 1), (0, 2), (1, 2)):
+            shape = [n - (axis in (a, b)) for axis, n in enumerate(padded.shape)]
+
+            def part(i: int, j: int, a: int = a, b: int = b, shape: list[int] = shape) -> tuple[slice, ...]:
+                shift = {a: i, b: j}
+                return tuple(slice(shift.get(axis, 0), shift.get(axis, 0) + n) for axis, n in enumerate(shape))
+
+            here = [[padded[part(i, j)] for j in (0, 1)] for i in (0, 1)]
+            for i in (0, 1):
+                only = here[0][i] & here[1][1 - i] & ~here[0][1 - i] & ~here[1][i]
+                hinges[part(0, i)] |= only
+        corners = _corner_hinges(padded)
+        hinges |= corners
+        if not hinges.any():
+            return core
+        core &= ~hinges[1:-1, 1:-1, 1:-1]
+
+
+def _corner_hinges(padded: np.ndarray) -> np.ndarray:
+    """Cubes of a corner at which the cubes, or the empty places, are connected by no faces: the surface touches itself there."""
+    blocks = np.lib.stride_tricks.sliding_window_view(padded, (2, 2, 2)).reshape(-1, 8)
+    kinds, of = np.unique(blocks, axis=0, return_inverse=True)
+    bad = np.array([max(scipy.ndimage.label(k.reshape(2, 2, 2) == full)[1] for full in (True, False)) > 1 for k in kinds])
+    hinges = np.zeros_like(padded)
+    for place in np.argwhere(bad[of.ravel()].reshape([n - 1 for n in padded.shape])):
+        around = np.argwhere(padded[tuple(slice(p, p + 2) for p in place)])
+        hinges[tuple(place + around[0])] = True
+    return hinges
+
+
+def _on_surface(field: DistanceField, points: np.ndarray) -> np.ndarray:
+    """Points (k, 3) moved to the surface along the gradient of the distance."""
+    for _ in range(_PROJECTIONS):
+        distance, gradient = field.at(points)
+        squared = np.maximum(np.einsum("ki,ki->k", gradient, gradient), 0.1)
+        points = points - (distance / squared)[:, None] * gradient
+    return points
+
+
+def _improve(points: np.ndarray, hexes: np.ndarray, inner_count: int, field: DistanceField) -> np.ndarray:
+    """Nodes in better places: all those inside, and along the surface those from ``inner_count`` on."""
+    size = float(np.linalg.norm(points[hexes[:, 0]] - points[hexes[:, 1]], axis=1).mean())
+    best, best_quality = points, scaled_jacobians(points, hexes).min()
+    for turn in range(_ROUNDS):
+        normal = field.at(points[inner_count:])[1]
+        normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
+        # The floor of the volume falls, so that inverted corners unfold first and shapes are refined then.
+        floor = 0.3 * 0.5**turn
+
+        def cost(x: np.ndarray, floor: float = floor, normal: np.ndarray = normal) -> tuple[float, np.ndarray]:
+            value, slope = _shape_cost(x.reshape(-1, 3), hexes, floor)
+            along = slope[inner_count:]
+            along -= np.einsum("ki,ki->k", along, normal)[:, None] * normal
+            return value, slope.ravel()
+
+        result = scipy.optimize.minimize(
+            cost, (points / size).ravel(), jac=True, method="L-BFGS-B", options={"maxiter": _ITERATIONS}
+        )
+        points = size * result.x.reshape(-1, 3)
+        points[inner_count:] = _on_surface(field, points[inner_count:])
+        quality = scaled_jacobians(points, hexes).min()
+        if quality > best_quality:
+            best, best_quality = points, quality
+    return best
+
+
+def _shape_cost(points: np.ndarray, hexes: np.ndarray, floor: float) -> tuple[float, np.ndarray]:
+    """Sum over all corners of (|e1|² + |e2|² + |e3|²) / (3 v^(2/3)), 1 for a cube, squared; and its gradient (n, 3).
+
+    v is the volume of the three edges; below the floor it is replaced by a smooth function above 0.
+    """
+    value, slope = 0.0, np.zeros_like(points)
+    for corner, others in enumerate(_EDGES):
+        edges = points[hexes[:, others]] - points[hexes[:, corner], None]
+        a, b, c = np.moveaxis(edges, 1, 0)
+        cofactor = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], axis=1)
+        volume = np.einsum("mi,mi->m", a, cofactor[:, 0])
+        root = np.sqrt(volume**2 + 4.0 * floor**2)
+        above = 0.5 * (volume + root)
+        squared = np.einsum("mji,mji->m", edges, edges)
+        ratio = squared / (3.0 * above ** (2.0 / 3.0))
+        value += float(ratio @ ratio)
+        of_edges = (
+            2.0
+            * ratio[:, None, None]
+            * (
+                2.0 * edges / (3.0 * above ** (2.0 / 3.0))[:, None, None]
+                - (2.0 / 3.0 * ratio / above * 0.5 * (1.0 + volume / root))[:, None, None] * cofactor
+            )
+        )
+        np.add.at(slope, hexes[:, others], of_edges)
+        np.add.at(slope, hexes[:, corner], -of_edges.sum(axis=1))
+    return value, slope

@@ -11,11 +11,14 @@ import mesh_files as files
 import meshio
 import numpy as np
 import pytest
+import pyvista
 
 from explicitfe.app.tools.mesh_contents import mesh_contents
+from explicitfe.app.tools.new_model import write_new_model
 from explicitfe.fem.mesh.box import box
 from explicitfe.fem.mesh.hexmesh import HexMesh
 from explicitfe.fem.mesh.quality import volumes
+from explicitfe.fem.mesh.soundness import soundness
 from explicitfe.fem.mesh.traced_fibres import harmonic_direction, trace_fibres
 from explicitfe.fem.model.fibre_stress import fibre_stress
 from explicitfe.fem.model.profile import Profile
@@ -429,3 +432,69 @@ def test_muscles_of_sets_that_cannot_be(muscle: str, words: str, tmp_path: Path)
     with pytest.raises(InputError) as refusal:
         _bar(tmp_path, muscle)
     assert words in str(refusal.value) and "bar.toml" in str(refusal.value)
+
+
+# ---- surfaces ----
+
+
+def _surface(folder: Path, name: str, poly: Any) -> Path:
+    poly.triangulate().save(folder / name)
+    return folder / name
+
+
+def _two_balls() -> Any:
+    """Balls of radius 15 and 14 mm that overlap, as a contour on a grid: triangles of very different sizes."""
+    grid = pyvista.ImageData(dimensions=(80, 50, 50), spacing=(1, 1, 1), origin=(-40, -25, -25))
+    balls = [np.linalg.norm(grid.points - centre, axis=1) - radius for centre, radius in (([-11, 0, 0], 15), ([11, 0, 3], 14))]
+    grid["distance"] = np.minimum(*balls)
+    return grid.contour([0.0], scalars="distance")
+
+
+SURFACES = {
+    "ball.stl": (lambda: pyvista.Sphere(radius=20), 4.0, 0.03, 0.5),
+    "egg.ply": (lambda: pyvista.ParametricEllipsoid(30, 18, 14), 4.0, 0.04, 0.5),
+    "ring.obj": (lambda: pyvista.ParametricTorus(ringradius=20, crosssectionradius=8), 2.5, 0.03, 0.5),
+    "balls.stl": (_two_balls, 2.5, 0.03, 0.45),
+    "box.stl": (lambda: pyvista.Box((0, 30, 0, 20, 0, 20)), 2.0, 0.06, 0.5),  # its edges are rounded
+}
+
+
+@pytest.mark.parametrize(("name", "make", "size", "missing", "worst"), [(k, *v) for k, v in SURFACES.items()], ids=SURFACES)
+def test_a_surface_is_filled_with_hexahedra(
+    name: str, make: Callable[[], Any], size: float, missing: float, worst: float, tmp_path: Path, in_this_process: None
+) -> None:
+    """Of one piece, without a bad element, and with the volume of the surface; the model file and the scenario work."""
+    model = write_new_model(_surface(tmp_path, name, make()), tmp_path, size_mm=size)
+    assert model["volume_ratio"] is not None and abs(model["volume_ratio"] - 1.0) < missing, model["volume_ratio"]
+    assert model["contents"]["smallest_scaled_jacobian"] > worst
+    anatomy = read_model_file(Path(model["model"]))
+    assert anatomy.fixed == ("z0",) and len(anatomy.mesh.node_sets["z0"]) > 3
+    assert soundness(anatomy.mesh).part_count == 1 and not len(soundness(anatomy.mesh).same_place)
+    scenario, _ = read_scenario(Path(model["scenario"]))
+    assert isinstance(scenario, TransientScenario) and scenario.model.file == f"{name[:-4]}.toml"
+
+
+def test_surfaces_that_cannot_be_filled(tmp_path: Path, in_this_process: None) -> None:
+    thin = _surface(tmp_path, "ring.stl", pyvista.ParametricTorus(ringradius=20, crosssectionradius=6))
+    ball = _surface(tmp_path, "ball.stl", pyvista.Sphere(radius=20))
+    two = _surface(tmp_path, "two.stl", pyvista.Sphere(radius=20) + pyvista.Sphere(radius=10, center=(50, 0, 0)))
+    open_ = _surface(tmp_path, "open.stl", pyvista.Sphere(radius=20, end_phi=120))
+    for path, size, words in (
+        (thin, 4.0, "would be missing; decrease --size"),
+        (ball, 50.0, "no cube of 50 mm"),
+        (ball, None, "--size is missing"),
+        (two, 4.0, "would be missing"),
+        (open_, 4.0, "is not closed"),
+        (ball, 0.01, "increase --size"),
+    ):
+        with pytest.raises(InputError) as refusal:
+            write_new_model(path, tmp_path, size_mm=size)
+        assert words in str(refusal.value), refusal.value
+    write_new_model(ball, tmp_path, size_mm=6.0)
+    with pytest.raises(InputError, match="exists already"):
+        write_new_model(ball, tmp_path, size_mm=6.0)
+    mesh = files.from_gmsh(tmp_path / "box.msh")
+    with pytest.raises(InputError, match="--size is for a surface"):
+        write_new_model(mesh, tmp_path, size_mm=4.0)
+    model = write_new_model(mesh, tmp_path)
+    assert read_model_file(Path(model["model"])).notes[0].endswith("hexahedra.")

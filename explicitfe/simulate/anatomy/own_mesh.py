@@ -129,7 +129,7 @@ class MeshFile(Table):
     )
     node_sets: dict[str, NodeSet] = Field(default={}, description="further to those of the mesh file")
     fixed: Names = Field(default=[], description="node sets that are fixed")
-    named_points: dict[str, int] = Field(default={})
+    named_points: dict[str, int | Vector] = Field(default={}, description="node, or position in the mesh's length unit")
     muscle: list[FileMuscle] = Field(default=[], max_length=MOST_TABLES_OF_A_KIND)
 
     @field_validator("node_sets", "named_points")
@@ -205,8 +205,17 @@ def read_model_file(path: Path) -> Anatomy:
             raise InputError(f"{path}: fixed: the nodes of {name} belong to no element; name another node set.")
         if name not in sets:
             raise InputError(f'{path}: fixed names no node set "{name}"; {nearest(name, sets)}')
-    named = {name: int(nodes([number], f"named_points.{name}")[0]) for name, number in table.named_points.items()}
-    mesh = HexMesh(bare.points, bare.hexes, node_sets=sets).with_named_nodes(named)
+    mesh = HexMesh(bare.points, bare.hexes, node_sets=sets)
+    for name, place in table.named_points.items():
+        what = f"named_points.{name}"
+        try:
+            if isinstance(place, int):
+                point = mesh.points_at_nodes(nodes([place], what))
+            else:
+                point = locate_in_mesh(mesh, np.array(place) * unit)
+        except InputError as error:
+            raise InputError(str(error) if str(path) in str(error) else f"{path}: {what}: {error}") from None
+        mesh.named_points[name] = point
 
     muscles = {}
     for muscle in table.muscle:

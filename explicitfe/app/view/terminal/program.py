@@ -150,6 +150,8 @@ def mesh_table(contents: MeshContents) -> Table:
     for what, sets in (("node sets", contents["node_sets"]), ("element sets", contents["element_sets"])):
         table.add_row(what, escape("\n".join(f"{name} ({count})" for name, count in sets.items())) or "none")
     for array in contents["arrays"]:
+        if array["name"] in contents["node_sets"] or array["name"] in contents["element_sets"]:
+            continue
         values = ", ".join(f"{value} ({count})" for value, count in array["counts"].items())
         span = values or f"{array['lowest']:g} to {array['highest']:g}"
         table.add_row(f"{array['of']} array", escape(f"{array['name']}: {span}"))

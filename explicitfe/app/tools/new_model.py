@@ -77,9 +77,7 @@ def write_new_model(mesh_path: Path, out: Path, *, size_mm: float | None = None,
     if is_surface and not (size_mm is not None and 0.0 < size_mm < np.inf):
         raise InputError("--size is missing: the edge of the elements in mm, such as --size 4.")
     if not is_surface and size_mm is not None:
-        raise InputError(
-            f"{mesh_path}: `--size` is for a surface ({', '.join(SURFACE_SUFFIXES)}); this mesh has elements already."
-        )
+        raise InputError(f"{mesh_path}: --size is for a surface ({', '.join(SURFACE_SUFFIXES)}); this mesh has elements already.")
     model, scenario, meshed = (out / f"{mesh_path.stem}{ending}" for ending in (".toml", "-run.toml", ".vtu"))
     for path in (model, scenario, *([meshed] if is_surface else [])):
         if os.path.lexists(path):

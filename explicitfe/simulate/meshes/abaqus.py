@@ -181,7 +181,7 @@ def _blocks(path: Path, depth: int = 0) -> Iterator[_Block]:
 def _input_file(block: _Block) -> Path:
     path = block.file.parent / block.value("INPUT")
     if not path.is_file():
-        raise block.fault(f'the file "{block.value("INPUT")}" does not exist; put it beside {block.file.name}.')
+        raise block.fault(f'the file "{block.value("INPUT")}" does not exist; put it next to {block.file.name}.')
     return path
 
 

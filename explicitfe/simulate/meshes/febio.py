@@ -77,7 +77,7 @@ def _mesh_section(path: Path) -> ElementTree.Element:
     other = section.get("from")
     if other:
         if not (path.parent / other).is_file() or (path.parent / other).samefile(path):
-            raise InputError(f'{path.name} takes its mesh from "{other}", which does not exist; put it beside {path.name}.')
+            raise InputError(f'{path.name} takes its mesh from "{other}", which does not exist; put it next to {path.name}.')
         return _mesh_section(path.parent / other)
     for tag in _NOT_READ:
         if section.find(tag) is not None:

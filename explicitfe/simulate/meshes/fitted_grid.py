@@ -19,10 +19,10 @@ from explicitfe.fem.mesh.triangles import triangle_samples
 from explicitfe.platform.errors import InputError
 
 _CORE_DEPTH = 0.1  # of a cube: corners of the grid's cubes lie so deep inside at least
-_FARTHEST = 1.5  # cubes; so near to each point of the surface is a node of the mesh
+_FARTHEST_NODE_CUBES = 1.5  # cubes; so near to each point of the surface is a node of the mesh
 _PER_CUBE = 3  # nodes of the field of distances along a cube
-_ROUNDS, _ITERATIONS = 12, 25
-_PROJECTIONS = 4
+_SMOOTHING_ROUNDS, _STEPS_PER_ROUND = 12, 25
+_PROJECTION_STEPS = 4
 # The edges that leave a corner of a hexahedron, in right-handed order.
 _EDGES = np.array([(1, 3, 4), (2, 0, 5), (3, 1, 6), (0, 2, 7), (7, 5, 0), (4, 6, 1), (5, 7, 2), (6, 4, 3)])
 
@@ -70,7 +70,7 @@ def _check_whole(surface: TriangleSurface, points: np.ndarray, size_m: float) ->
     """InputError where a part of the surface has no node (k, 3) of the mesh near it."""
     samples, _ = triangle_samples(surface.corners, 0.5 * size_m, surface.box_m)
     away = scipy.spatial.cKDTree(points).query(samples)[0]
-    if away.max() > _FARTHEST * size_m:
+    if away.max() > _FARTHEST_NODE_CUBES * size_m:
         raise InputError(
             f"a part of the surface around {in_mm(samples[away.argmax()])} is thinner than three elements of {1e3 * size_m:g} mm "
             "or lies apart, and would be missing; decrease --size."
@@ -118,7 +118,7 @@ def _corner_hinges(padded: np.ndarray) -> np.ndarray:
 
 def _on_surface(field: DistanceField, points: np.ndarray) -> np.ndarray:
     """Points (k, 3) moved to the surface along the gradient of the distance."""
-    for _ in range(_PROJECTIONS):
+    for _ in range(_PROJECTION_STEPS):
         distance, gradient = field.at(points)
         squared = np.maximum(np.einsum("ki,ki->k", gradient, gradient), 0.1)
         points = points - (distance / squared)[:, None] * gradient
@@ -129,7 +129,7 @@ def _improve(points: np.ndarray, hexes: np.ndarray, inner_count: int, field: Dis
     """Nodes in better places: all those inside, and along the surface those from ``inner_count`` on."""
     size = float(np.linalg.norm(points[hexes[:, 0]] - points[hexes[:, 1]], axis=1).mean())
     best, best_quality = points, scaled_jacobians(points, hexes).min()
-    for turn in range(_ROUNDS):
+    for turn in range(_SMOOTHING_ROUNDS):
         normal = field.at(points[inner_count:])[1]
         normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
         # The floor of the volume falls, so that inverted corners unfold first and shapes are refined then.
@@ -142,7 +142,7 @@ def _improve(points: np.ndarray, hexes: np.ndarray, inner_count: int, field: Dis
             return value, slope.ravel()
 
         result = scipy.optimize.minimize(
-            cost, (points / size).ravel(), jac=True, method="L-BFGS-B", options={"maxiter": _ITERATIONS}
+            cost, (points / size).ravel(), jac=True, method="L-BFGS-B", options={"maxiter": _STEPS_PER_ROUND}
         )
         points = size * result.x.reshape(-1, 3)
         points[inner_count:] = _on_surface(field, points[inner_count:])

@@ -1,6 +1,6 @@
 """Cut tetrahedra and wedges into hexahedra at the middles of their edges, faces and volumes.
 
-A tetrahedron gives four hexahedra, one at each corner, a wedge six, and beside wedges a hexahedron eight: faces between
+A tetrahedron gives four hexahedra, one at each corner, a wedge six, and next to wedges a hexahedron eight: faces between
 elements are cut alike on both sides. The volume is the same, and no element is inverted where the elements were not.
 """
 

@@ -260,6 +260,8 @@ REFUSED = {
     "a Gmsh file that is cut": (text("a.msh", files.gmsh_text(np.arange(27))[:900]), "has no end"),
     "a surface file": (text("a.stl", "solid a\nendsolid a\n"), "explicitfe new model"),
     "FEBio with parts of an assembly": (text("a.feb", files.feb("4.0").replace("<Mesh>", "<Mesh><Part/>")), "<Part> in its mesh"),
+    "a FEBio node of two coordinates": (text("a.feb", files.feb("4.0").replace(">0,0,0<", ">0,0<")), '<node id="1"> does not'),
+    "a FEBio element of seven nodes": (text("a.feb", files.feb("4.0").replace(",14,5<", ",14<", 1)), "hex8 has 7 nodes"),
     "FEBio that is cut": (text("a.feb", files.feb("4.0")[:500]), "no whole XML"),
     "FEBio's higher elements": (text("a.feb", files.feb("3.0").replace("hex8", "hex20")), "hexahedron20"),
 }  # fmt: skip

@@ -12,7 +12,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from explicitfe.platform.errors import InputError, nearest
-from explicitfe.simulate.meshes.content import FileMesh, MeshBuilder
+from explicitfe.simulate.meshes.content import SOLIDS, FileMesh, MeshBuilder
 
 _KINDS = {
     "hex8": "hexahedron", "tet4": "tetra", "penta6": "wedge", "pyra5": "pyramid", "hex20": "hexahedron20",
@@ -36,7 +36,11 @@ def read_febio(path: str) -> FileMesh:
     cell: dict[int, int] = {}
     for part in section.findall("Nodes"):
         labels = [_label(one) for one in part]
-        points = np.array([_values(one, float) for one in part]).reshape(-1, 3)
+        rows = [_values(one, float) for one in part]
+        wrong = next((label for label, row in zip(labels, rows, strict=True) if len(row) != 3), None)
+        if wrong is not None:
+            raise InputError(f'<node id="{wrong}"> does not have three coordinates; export the file again.')
+        points = np.array(rows).reshape(-1, 3)
         repeated = next((label for label in labels if label in node), None)
         if repeated is not None or len(set(labels)) < len(labels):
             raise InputError("a number of a node occurs twice in <Nodes>; export the file again.")
@@ -48,6 +52,10 @@ def read_febio(path: str) -> FileMesh:
         if kind not in _KINDS and not kind.startswith(_NO_SOLIDS):
             raise InputError(f'elements of the type "{kind}" are not supported; mesh the body with hex8 or tet4.')
         own = [mesh.add_cell(_KINDS.get(kind, "other"), _nodes(one, node)) for one in part]
+        count = SOLIDS.get(_KINDS.get(kind, ""))
+        wrong = next((one for one in own if count is not None and len(mesh.cells[one][1]) != count), None)
+        if wrong is not None:
+            raise InputError(f"an element of the type {kind} has {len(mesh.cells[wrong][1])} nodes; export the file again.")
         cell |= zip(map(_label, part), own, strict=True)
         if part.get("name") or part.get("elset"):
             mesh.name_cells(part.get("name") or part.attrib["elset"], own)

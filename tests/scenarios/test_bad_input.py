@@ -263,7 +263,7 @@ def test_node_sets_that_are_none(entry: object, tmp_path: Path, capsys: pytest.C
     value = "{ point_data = 'wall' }" if isinstance(entry, dict) else json.dumps(entry)
     with (tmp_path / "block.toml").open("a") as file:
         file.write(f"[node_sets]\nx = {value}\n")
-    words = ["block.toml", 'node_sets.x: must be a list of node numbers or { point_data = "...", value = ... }']
+    words = ["block.toml", 'node_sets.x: must be a list of node numbers, { point_data = "...", value = ... } or { cell_data']
     _refused(["check", str(tmp_path / "own.toml")], words, capsys)
 
 

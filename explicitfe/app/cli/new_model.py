@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, cast
+from typing import Annotated
 
 import typer
 
@@ -11,9 +11,6 @@ from explicitfe.app.cli.answer import console, print_answer
 from explicitfe.app.cli.new import print_next
 from explicitfe.app.cli.options import JsonOption
 from explicitfe.app.view.progress import following
-from explicitfe.platform.errors import InputError, nearest
-
-UNITS = ("m", "cm", "mm")
 
 
 def new_model(
@@ -39,13 +36,11 @@ def new_model(
 
     Example: [bold]explicitfe new model --mesh tongue.msh --unit m[/bold]
     """  # fmt: skip
-    if unit not in UNITS:
-        raise InputError(f'--unit "{unit}" is not possible; {nearest(unit, UNITS)}')
     with following(console, f"meshing {mesh}" if size_mm else f"reading {mesh}"):
-        from explicitfe.app.tools.new_model import Unit, write_new_model
+        from explicitfe.app.tools.new_model import write_new_model
         from explicitfe.app.view.terminal.program import new_model_table
 
-        model = write_new_model(mesh, out, size_mm=size_mm, unit=cast(Unit, unit))
+        model = write_new_model(mesh, out, size_mm=size_mm, unit=unit)
     print_answer(model, as_json, lambda: new_model_table(**model))
     if not as_json:
         print_next(f"explicitfe check {model['scenario']}", f"explicitfe run {model['scenario']}")

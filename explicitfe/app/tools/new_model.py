@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 from typing_extensions import TypedDict
@@ -14,14 +13,13 @@ from explicitfe.fem.bones.read import read_surface
 from explicitfe.fem.bones.surface import TriangleSurface, check_surface
 from explicitfe.fem.mesh.hexmesh import FACES, HexMesh, free_faces
 from explicitfe.fem.mesh.quality import check
-from explicitfe.platform.errors import InputError
+from explicitfe.platform.errors import InputError, nearest
 from explicitfe.platform.host.files import reason
 from explicitfe.platform.host.toml_text import toml_value
 from explicitfe.results.documents.mesh_contents import MeshContents
 from explicitfe.simulate.meshes.fitted_grid import mesh_surface
 
 SURFACE_SUFFIXES = (".stl", ".obj", ".ply", ".vtp")
-Unit = Literal["m", "cm", "mm"]
 _METRES = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
 _MODEL = """\
 title = {title}
@@ -59,7 +57,7 @@ class NewModel(TypedDict):
     volume_ratio: float | None
 
 
-def write_new_model(mesh_path: Path, out: Path, *, size_mm: float | None = None, unit: Unit = "mm") -> NewModel:
+def write_new_model(mesh_path: Path, out: Path, *, size_mm: float | None = None, unit: str = "mm") -> NewModel:
     """Write a model file and a scenario that can be run at once; for a surface, also the mesh of hexahedra in it.
 
     Parameters
@@ -73,6 +71,8 @@ def write_new_model(mesh_path: Path, out: Path, *, size_mm: float | None = None,
     ------
     InputError : the file cannot be read or meshed, or a new file exists.
     """
+    if unit not in _METRES:
+        raise InputError(f'--unit "{unit}" is not possible; {nearest(unit, _METRES)}')
     is_surface = mesh_path.suffix.lower() in SURFACE_SUFFIXES
     if is_surface and not (size_mm is not None and 0.0 < size_mm < np.inf):
         raise InputError("--size is missing: the edge of the elements in mm, such as --size 4.")
@@ -111,7 +111,7 @@ def write_new_model(mesh_path: Path, out: Path, *, size_mm: float | None = None,
     return {"model": str(model), "scenario": str(scenario), "contents": contents, "volume_ratio": ratio}
 
 
-def _write_mesh(path: Path, mesh: HexMesh, unit: Unit) -> None:
+def _write_mesh(path: Path, mesh: HexMesh, unit: str) -> None:
     """Write hexahedra as VTU with node sets: ``surface``, and ``x0`` to ``z1`` within an element of either end of an axis."""
     import meshio
 

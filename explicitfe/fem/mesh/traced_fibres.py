@@ -26,7 +26,7 @@ def harmonic_direction(mesh: HexMesh, elements: np.ndarray, origin: np.ndarray, 
 
     Raises
     ------
-    InputError : no node of one of these belongs to the elements, some belong to both, or elements connect them in no way.
+    InputError : no node of one of these belongs to the elements, some belong to both, or elements connect them in no length.
     """
     hexes = mesh.hexes[elements]
     nodes, local = np.unique(hexes, return_inverse=True)
@@ -133,13 +133,13 @@ class _Walk:
             while element >= 0 and element not in visited:
                 ahead = np.einsum("fi,fi->f", normal[element], middle[element] - place)
                 with np.errstate(divide="ignore", invalid="ignore"):
-                    way = np.where(speed[element] > 0.0, ahead / speed[element], np.inf)
-                way[neighbour[element] == entry if entry >= 0 else []] = np.inf
-                face = int(way.argmin())
-                if not np.isfinite(way[face]):
+                    length = np.where(speed[element] > 0.0, ahead / speed[element], np.inf)
+                length[neighbour[element] == entry if entry >= 0 else []] = np.inf
+                face = int(length.argmin())
+                if not np.isfinite(length[face]):
                     break
-                if way[face] > _SHORTEST:
-                    place = place + way[face] * direction[element]
+                if length[face] > _SHORTEST:
+                    place = place + length[face] * direction[element]
                     line.append(place)
                     crossed.append(element)
                 visited.add(element)

@@ -55,7 +55,7 @@ class ByArray(Table):
 def _node_set(value: object) -> object:
     if isinstance(value, list) and all(type(node) is int for node in value):
         return value
-    if isinstance(value, dict) and {"value", *value} in ({"point_data", "value"}, {"cell_data", "value"}):
+    if isinstance(value, dict) and set(value) in ({"point_data", "value"}, {"cell_data", "value"}):
         return ByArray.model_validate(value, strict=True)
     raise ValueError('must be a list of node numbers, { point_data = "...", value = ... } or { cell_data = "...", value = ... }')
 

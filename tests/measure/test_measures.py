@@ -443,6 +443,7 @@ def test_the_document_has_all_keys(tmp_path, capsys):
             **dict.fromkeys(("smallest_channel_mm2", "smallest_channel_place_mm")),
             "sections": [section],
         },
+        "reactions": {},
         "contact": {
             "palate": {
                 **part,

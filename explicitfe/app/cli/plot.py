@@ -24,7 +24,8 @@ def plot(
             "--only",
             metavar="NAMES",
             help="Pictures to draw, separated by commas. Run: contour, coronal, probes, energies, palatogram, airway, 3d, "
-            "hourglass. Indentation: curve, section. Sweep: outlines, effects, maps, indices, or two columns as A:B.",
+            "hourglass, and reaction:NAME, the force-displacement curve of a support or fixed node set. Indentation: curve, "
+            "section. Sweep: outlines, effects, maps, indices, or two columns as A:B.",
             show_default="all",
         ),
     ] = None,

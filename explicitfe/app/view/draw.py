@@ -11,7 +11,7 @@ from explicitfe.app.view.airway import airway_figure
 from explicitfe.app.view.files import new_files, writing
 from explicitfe.app.view.hourglass import hourglass_map
 from explicitfe.app.view.indentation import curve_figure, section_figure, step_of_largest_force
-from explicitfe.app.view.over_time import energies_figure, probes_figure
+from explicitfe.app.view.over_time import energies_figure, probes_figure, reaction_figure
 from explicitfe.app.view.palatogram import palatogram_figure
 from explicitfe.app.view.palette import FORMATS, save
 from explicitfe.app.view.rendering import CannotRenderError, rendering
@@ -44,6 +44,16 @@ PICTURES: dict[str, dict[str, Picture]] = {
         "section": lambda result, step, steps: section_figure(result, step),
     },
 }
+REACTION = "reaction:"  # followed by the name of a reaction force
+
+
+def picture_of(result: Result, name: str) -> Picture | None:
+    """The function that draws a picture of a result as a matplotlib figure; None where there is no such picture."""
+    if name.startswith(REACTION) and result.reaction_names:
+        return lambda opened, step, steps: reaction_figure(opened, name.removeprefix(REACTION))
+    return PICTURES[kind_of(result.model)].get(name)
+
+
 # Kind of analysis -> name of a picture that is rendered in a separate process -> whether the result has the data.
 RENDERED: dict[str, dict[str, Callable[[Result, int], bool]]] = {
     "transient": {"3d": lambda result, step: True, "hourglass": lambda result, step: hourglass_map(result, step) is not None},
@@ -92,7 +102,7 @@ def draw(
         kind = kind_of(result.model)
         names = _chosen([*PICTURES[kind], *RENDERED[kind]], only, result)
         step, steps = _steps(result, kind, times_s)
-        targets = {name: folder / f"{result_path.stem}-{name}.{file_format}" for name in names}
+        targets = {name: folder / f"{result_path.stem}-{name.replace(':', '-')}.{file_format}" for name in names}
         new_files(targets.values(), overwrite)
         notes: list[str] = []
         drawn: list[str] = []
@@ -104,10 +114,10 @@ def draw(
         if rendered:
             files = {name: str(targets[name].absolute()) for name in rendered}
             process = processes.enter_context(rendering("figures", result=str(result_path.absolute()), step=step, files=files))
-        figures = [name for name in names if name in PICTURES[kind]]
-        for number, name in enumerate(figures):
+        figures = {name: drawing for name in names if (drawing := picture_of(result, name)) is not None}
+        for number, (name, drawing) in enumerate(figures.items()):
             progress("draw", DRAW_SHARE * number / len(figures))
-            figure = PICTURES[kind][name](result, step, steps)
+            figure = drawing(result, step, steps)
             if figure is not None:
                 with writing(targets[name]):
                     save(figure, targets[name])
@@ -127,10 +137,11 @@ def draw(
 
 def _chosen(names: Sequence[str], only: Sequence[str] | None, result: Result) -> list[str]:
     """The pictures to draw, in the order of ``names``."""
+    reactions = [f"{REACTION}{name}" for name in result.reaction_names]
     for name in only or ():
-        if name not in names:
-            raise InputError(f'{result.path} has no picture "{name}"; {nearest(name, names)}')
-    return [name for name in names if only is None or name in only]
+        if name not in names and name not in reactions:
+            raise InputError(f'{result.path} has no picture "{name}"; {nearest(name, [*names, *reactions])}')
+    return [*names] if only is None else [name for name in [*names, *reactions] if name in only]
 
 
 def _steps(result: Result, kind: str, times_s: Sequence[float] | None) -> tuple[int, list[int] | None]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from explicitfe.app.view.draw import PICTURES, RENDERED
+from explicitfe.app.view.draw import PICTURES, RENDERED, picture_of
 from explicitfe.app.view.indentation import step_of_largest_force
 from explicitfe.app.view.palette import use_plain_text
 from explicitfe.platform.errors import InputError, nearest
@@ -38,7 +38,8 @@ def figure_of(result: Result, picture: str | None = None, times_s: Sequence[floa
         raise InputError(
             f'picture "{name}" is rendered by VTK and is no matplotlib figure; use view(...), or explicitfe plot --only {name}.'
         )
-    if name not in PICTURES[kind]:
+    drawing = picture_of(result, name)
+    if drawing is None:
         raise InputError(f'picture "{name}" does not exist for {result.path}; {nearest(str(name), PICTURES[kind])}')
     step, steps = last_step(result), None
     if kind == "relaxation":
@@ -48,7 +49,7 @@ def figure_of(result: Result, picture: str | None = None, times_s: Sequence[floa
     elif times_s is not None and len(times_s):
         steps = sorted({step_at(result, time_s) for time_s in times_s})
         step = steps[-1]
-    figure = PICTURES[kind][name](result, step, steps)
+    figure = drawing(result, step, steps)
     if figure is None:
         raise InputError(f'picture "{name}": {result.path} has no data for it.')
     use_plain_text(figure)

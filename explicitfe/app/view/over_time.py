@@ -13,6 +13,7 @@ from explicitfe.app.view.hourglass import hourglass_share
 from explicitfe.app.view.muscles import activation, muscle_name, muscles_of, on_times
 from explicitfe.app.view.palette import COLOURS, LINE_STYLES, plain
 from explicitfe.results.files import Result
+from explicitfe.results.measure.reactions import force_curve
 from explicitfe.results.measure.sections import X, Y, Z
 
 if TYPE_CHECKING:
@@ -71,6 +72,27 @@ def probes_figure(result: Result, step: int) -> Figure | None:
         axes.tick_params(labelbottom=False)
     panels[-1].set_xlabel("time (ms)")
     figure.align_ylabels(panels)
+    return figure
+
+
+def reaction_figure(result: Result, name: str) -> Figure:
+    """Force of a support, a fixed or prescribed node set or a bone over displacement; over time where nothing moves.
+
+    Raises
+    ------
+    InputError : the result has no such force.
+    """
+    curve = force_curve(result, name)
+    along = "" if curve.moved is None else f", along the displacement of {curve.moved}"
+    what = f"Force of {name} on the body" if curve.own else f"Force of the body on {name}"
+    figure = result_figure(result, 4.2, what + along)
+    axes = figure.add_subplot()
+    plain(axes)
+    x = 1e3 * (result.history("time") if curve.moved is None else curve.displacement_m)
+    axes.plot(x, curve.force_N, lw=1.6, color=COLOURS[0], marker=".", ms=4)
+    axes.axhline(0.0, color="0.6", lw=0.8)
+    axes.set_xlabel("time (ms)" if curve.moved is None else f"displacement of {curve.moved} (mm)")
+    axes.set_ylabel("force (N)")
     return figure
 
 

@@ -306,6 +306,8 @@ class Model:
     weights : weights that hang from the body on strings.
     air : drag of the air on the free surface; none if left out.
     surfaces : contact of free surfaces with each other in a run in time; they pass through each other if left out.
+    fixed : node sets by which the reaction forces of held and prescribed nodes are named; those of other nodes are "held" and
+        "prescribed".
 
     Raises
     ------
@@ -339,6 +341,7 @@ class Model:
     weights: tuple[HangingWeight, ...] = ()
     air: AirDrag | None = None
     surfaces: SurfaceContact | None = None
+    fixed: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         if not isinstance(self.mesh, HexMesh):
@@ -373,6 +376,9 @@ class Model:
                 raise InputError(f"Model: {name} must be a {kind.__name__}, not {shortened(repr(getattr(self, name)))}.")
         self._check_nodes_and_elements()
         self._check_inclusions()
+        object.__setattr__(self, "fixed", tuple(self.fixed))
+        for name in self.fixed:
+            self.mesh.nodes_of(name)
 
     def _check_stiffness(self, smallest: float) -> None:
         stiffness = number_array("Model: stiffness", self.stiffness, (self.mesh.element_count,))

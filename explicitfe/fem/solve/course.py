@@ -6,6 +6,7 @@ import math
 from typing import Any
 
 from explicitfe.fem.forces.apart import add_surface_pressure
+from explicitfe.fem.forces.reaction import sum_reactions
 from explicitfe.fem.solve.look import (
     FEWEST_TURNS,
     LONGEST_STEP_SHARE,
@@ -190,6 +191,8 @@ def gather(state, shared, actions, instant, dt, ledgers, samples, number):
                 ledger[entry] = theirs
     record = BoneRecord(samples.contact[number], samples.point_pressure)
     snapshot(state, shared, actions, instant, dt, ledger, rows, record, lanes, samples.energies[number])
+    others = rows[0], rows[1], shared.external, shared.nodes, actions.ties, shared.alpha, dt
+    sum_reactions(samples.reaction[number], samples.holders, state.v, *others)
     samples.smallest_J[number] = ledger[SMALLEST_J]
     samples.taken[0] = number + 1
     u, velocity = state.u, rows[0]

@@ -8,10 +8,12 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from explicitfe.fem.elements import hex8
+from explicitfe.fem.model.holders import Holder
 from explicitfe.fem.model.model import Model
 from explicitfe.fem.solve.look import FEWEST_STEPS_BETWEEN_SCANS, STEPS_THAT_CALL_FOR_ALL_TURNS
 from explicitfe.fem.solve.stable_step import own_frequencies
 from explicitfe.platform.compiled.arrays import (
+    BONE_FORCE,
     BONE_SUMS,
     CEILING,
     ENERGIES,
@@ -24,6 +26,7 @@ from explicitfe.platform.compiled.arrays import (
     WAIT,
     WATCH,
     Blocks,
+    Holders,
     Looker,
     Looks,
     Nodes,
@@ -55,6 +58,9 @@ class Snapshot:
     smallest_J : the smallest J of any element in any step so far.
     contact_pressure : (bones, n) Pa. With which each bone presses on each node.
     contact : (bones, BONE_SUMS). Force of each bone on the body [N], area in contact [m^2], deepest node in it [m].
+    reactions : name -> (3,) N. Force on the body of each set of held or prescribed nodes, support and bone; see ``holders_of``.
+        A bone that ties the body and touches it has the sum of both.
+    applied_force : (3,) N. Sum of all loads on the body: forces, weight, pull of strings, drag.
     surface_pressure : (n,) Pa. With which surfaces press on each other; empty where their contact is not modelled.
     """
 
@@ -68,6 +74,8 @@ class Snapshot:
     smallest_J: float
     contact_pressure: np.ndarray
     contact: np.ndarray
+    reactions: dict[str, np.ndarray]
+    applied_force: np.ndarray
     surface_pressure: np.ndarray
 
     def probe(self, name: str) -> np.ndarray:
@@ -89,6 +97,7 @@ class Recording:
     ----------
     model : what is simulated.
     arrays : for ``room`` samples.
+    holders : of the model.
 
     Attributes
     ----------
@@ -97,8 +106,9 @@ class Recording:
     steps : (room,) steps done then.
     """
 
-    def __init__(self, model: Model, arrays: Samples) -> None:
+    def __init__(self, model: Model, arrays: Samples, holders: Sequence[Holder]) -> None:
         self.model = model
+        self.holders = holders
         self.arrays = arrays
         self.room = len(arrays.displacement)
         self.clear()
@@ -129,6 +139,7 @@ class Recording:
             smallest_J=a.smallest_J[some],
             pressure=a.pressure[some],
             contact=a.contact[some],
+            reaction=a.reaction[some],
             pressed=a.pressed[some],
             pairs=a.pairs[some],
         )
@@ -143,6 +154,9 @@ class Recording:
     def __getitem__(self, number: int) -> Snapshot:
         """A copy of a sample."""
         a = self.arrays
+        reactions = dict(zip([holder.name for holder in self.holders], a.reaction[number].copy(), strict=False))
+        for bone, sums in zip(self.model.bones, a.contact[number], strict=True):
+            reactions[bone.name] = reactions.get(bone.name, 0.0) + sums[BONE_FORCE : BONE_FORCE + 3]
         return Snapshot(
             model=self.model,
             time_s=float(self.time_s[number]),
@@ -154,14 +168,24 @@ class Recording:
             smallest_J=float(a.smallest_J[number]),
             contact_pressure=a.pressure[number].copy(),
             contact=a.contact[number].copy(),
+            reactions=reactions,
+            applied_force=a.reaction[number, -1].copy(),
             surface_pressure=a.pressed[number].copy(),
         )
 
 
 def samples_of(
-    room: int, nodes: np.ndarray, elements: np.ndarray, touching: np.ndarray, bodies: int, model: Model, state: State
+    room: int,
+    nodes: np.ndarray,
+    elements: np.ndarray,
+    touching: np.ndarray,
+    bodies: int,
+    model: Model,
+    state: State,
+    holders: Sequence[Holder],
 ) -> Samples:
     """Arrays for so many samples: rows of the nodes, lanes of the elements, nodes of the contact points, bodies in contact."""
+    sets = [nodes[holder.nodes] for holder in holders if len(holder.nodes)]
     n, m, bones = len(nodes), len(elements), len(model.bones)
     return Samples(
         instant=np.zeros(0, dtype=np.int64),
@@ -169,6 +193,9 @@ def samples_of(
         node=nodes,
         element=elements,
         touching=touching,
+        holders=Holders(
+            start=np.cumsum([0, *map(len, sets)]).astype(np.int64), node=np.concatenate([*sets, np.zeros(0, dtype=np.int64)])
+        ),
         displacement=np.zeros((room, n, 3)),
         velocity=np.zeros((room, n, 3)),
         J=np.zeros((room, m)),
@@ -177,6 +204,7 @@ def samples_of(
         smallest_J=np.zeros(room),
         pressure=np.zeros((room, bones, n)),
         contact=np.zeros((room, bones, BONE_SUMS)),
+        reaction=np.zeros((room, len(holders) + 1, 3)),
         pressed=np.zeros((room, 0 if model.surfaces is None else n)),
         pairs=np.zeros((room, bodies, bodies)),
         rows=zeros((2, *state.u.shape)),

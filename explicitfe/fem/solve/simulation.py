@@ -9,6 +9,7 @@ import numpy as np
 
 from explicitfe.fem.inputs.argument import count_like, number_from_zero
 from explicitfe.fem.inputs.limits import ThreadCount
+from explicitfe.fem.model.holders import holders_of
 from explicitfe.fem.model.model import Model
 from explicitfe.fem.solve.body import Body
 from explicitfe.fem.solve.bones import bones_of, look_up_if_changed, restore_friction, state_of_friction, ties_of
@@ -60,13 +61,13 @@ class Simulation(Body):
     ----------
     model : what is computed.
     displacement, velocity : (n, 3) values at time 0, m and m/s; zero if left out.
-    threads : number of threads, 1 to 256; chosen by the size of the mesh if left out. A model with prescribed motion or hanging
-        weights uses one.
+    threads : 1 to 256; chosen by the size of the mesh if left out. A model with prescribed motion or hanging weights uses one.
 
     Attributes
     ----------
     time_s : present time, s.
     steps : number of steps so far.
+    holders : what holds the body, whose forces are in ``Snapshot.reactions``.
     dt_s : last time step, s.
 
     Raises
@@ -88,6 +89,7 @@ class Simulation(Body):
             threads = count_like("Simulation: threads", threads, ThreadCount, "threads")
         super().__init__(model, displacement=displacement, velocity=velocity)
         self.loads = Loads(model, self._place)
+        self.holders = holders_of(model)
         # Beside attached masses the damping of the tissue is a force on its own mass; see ``Loads``.
         self.alpha_per_s = 0.0 if model.masses else float(model.alpha_per_s)
         self.ties = ties_of(model.attachments, model.mesh, self._place)
@@ -298,11 +300,9 @@ class Simulation(Body):
 
     def recording(self, room: int) -> Recording:
         """Memory for ``room`` samples of this body."""
-        lane = np.empty(len(self.hexes), dtype=np.int64)
-        lane[self.element_order] = np.arange(len(lane))
-        return Recording(
-            self.model, samples_of(room, self._place, lane, self.bones.user, len(self.surfaces.pairs), self.model, self.state)
-        )
+        lane = np.argsort(self.element_order)
+        others = len(self.surfaces.pairs), self.model, self.state, self.holders
+        return Recording(self.model, samples_of(room, self._place, lane, self.bones.user, *others), self.holders)
 
     @property
     def loop_s(self) -> float:

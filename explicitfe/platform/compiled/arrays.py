@@ -117,6 +117,13 @@ class Looker(NamedTuple):
     watch: np.ndarray  # (WATCH,): what the last look told, and when the next one is; the same in all parts
 
 
+class Holders(NamedTuple):
+    """Sets of held or prescribed nodes whose reaction forces are summed (compressed rows)."""
+
+    start: np.ndarray  # first entry of each set and the end, int64, (sets + 1,)
+    node: np.ndarray  # row of each entry, int64, (entries,)
+
+
 class Samples(NamedTuple):
     """States of the body at some instants, in the user's numbering, and what it takes to gather them; k samples."""
 
@@ -125,6 +132,7 @@ class Samples(NamedTuple):
     node: np.ndarray  # row of each node, int64, (n,)
     element: np.ndarray  # lane of each element, int64, (m,)
     touching: np.ndarray  # each node of the contact faces, int64, (k,)
+    holders: Holders
     displacement: np.ndarray  # [m], (k, n, 3)
     velocity: np.ndarray  # [m/s], (k, n, 3)
     J: np.ndarray  # (k, m)
@@ -133,6 +141,7 @@ class Samples(NamedTuple):
     smallest_J: np.ndarray  # of any element in any step so far, (k,)
     pressure: np.ndarray  # of each bone on each node [Pa], (k, bones, n)
     contact: np.ndarray  # what each bone does, (k, bones, BONE_SUMS)
+    reaction: np.ndarray  # force of each holder on the body, and the sum of all loads on it [N], (k, sets + ties + 1, 3)
     pressed: np.ndarray  # pressure of surfaces on each other at each node [Pa], (k, n); (k, 0) without such contact
     pairs: np.ndarray  # deepest point of each pair of bodies since the sample before [m], (k, bodies, bodies)
     rows: np.ndarray  # velocity, and all forces but the external ones, of the present state: work arrays, (2, N, 4)

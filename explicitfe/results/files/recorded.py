@@ -118,6 +118,33 @@ class Recorded(ABC):
         moved = [self._of_step("displacement", step)[nodes] for step in range(len(self.times))]
         return np.einsum("a,tai->ti", shares[corners], np.array(moved).reshape(-1, len(corners), 3))
 
+    @property
+    def reaction_names(self) -> list[str]:
+        """What exerts a reaction force on the body: fixed and prescribed node sets, supports and bones."""
+        columns = [(column, front) for front in ("reaction_", "contact_") for column in self.history_names]
+        names = [c[len(f) : -len("_force")] for c, f in columns if c.startswith(f) and c.endswith("_force")]
+        return list(dict.fromkeys(names))
+
+    def reaction(self, name: str) -> np.ndarray:
+        """Force of a support, a fixed or prescribed node set or a bone on the body, at the times of the history.
+
+        Parameters
+        ----------
+        name : one of ``reaction_names``. A bone that holds the body and touches it has the sum of both forces.
+
+        Returns
+        -------
+        (rows, 3), N.
+
+        Raises
+        ------
+        InputError : no such name, or the result was written by a version that did not store these forces.
+        """
+        if name not in self.reaction_names:
+            raise InputError(f'{self.path} has no reaction force "{name}"; {nearest(name, self.reaction_names)}')
+        columns = [f"{kind}_{name}_force" for kind in ("reaction", "contact")]
+        return np.sum([self.history(column) for column in columns if column in self.history_names], axis=0)
+
     def placement(self, bone: str, step: int = -1, *, time_s: float | None = None) -> tuple[np.ndarray, np.ndarray]:
         """Position of a bone at one step (see :meth:`field`): R (3, 3) and s (3,) m move its point X at rest to R X + s."""
         if f"bone_{bone}_placement" not in self.history_names:

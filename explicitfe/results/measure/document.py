@@ -176,6 +176,20 @@ class BoneContact(ContactPart):
     cells: dict[Side, dict[Depth, ContactPart]]
 
 
+class Reaction(MeasuredPart):
+    """Force on the body of a fixed or prescribed node set, a support or a bone, along the axes of the model.
+
+    Attributes
+    ----------
+    magnitude_N : of the force.
+    displacement_mm : how far it has moved; None for a bone that only touches.
+    """
+
+    force_N: list[float]
+    magnitude_N: float
+    displacement_mm: list[float] | None
+
+
 class PalatogramPattern(MeasuredPart):
     """Electrodes of the palate in contact at one time, and the indices of that pattern.
 
@@ -334,6 +348,7 @@ class Measures(Document, MeasuredPart):
     time_ms : of the sample that was measured.
     grooves : at the stations "front", "dorsum" and "back"; those that cut the mesh.
     constriction : None where no bone is called "palate".
+    reactions : name -> reaction force; empty where the run stored none.
     contact : bone -> contact, of those whose pressure the run stored.
     palatogram : None where no bone is called "palate", its pressure was not stored, or it has no room for the electrodes.
     leak : None where no bone is called "palate", or it does not lie on both sides of the midsagittal plane.
@@ -348,6 +363,7 @@ class Measures(Document, MeasuredPart):
     highest: HighestPoint | None
     grooves: dict[str, Groove]
     constriction: Constriction | None
+    reactions: dict[str, Reaction]
     contact: dict[str, BoneContact]
     palatogram: Palatogram | None
     leak: LeakFigures | None

@@ -15,6 +15,7 @@ from explicitfe.results.measure.formants import airway_of
 from explicitfe.results.measure.leak import leak
 from explicitfe.results.measure.motion import body_motion, point_motions
 from explicitfe.results.measure.palatogram import palatogram
+from explicitfe.results.measure.reactions import reactions
 from explicitfe.results.measure.sections import middle
 from explicitfe.results.measure.shape import grooves, highest_point
 from explicitfe.results.measure.steps import last_step, step_at
@@ -63,6 +64,7 @@ def measures_of(result: Recorded, step: int, formants: bool = False) -> Measures
         highest=highest_point(mesh, u),
         grooves=grooves(mesh, u),
         constriction=constriction_of(result, step),
+        reactions=reactions(result, step),
         contact=contacts(result, step),
         palatogram=palatogram(result, step),
         leak=leak(result, step),

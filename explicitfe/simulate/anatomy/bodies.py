@@ -29,12 +29,14 @@ class Bodies:
     anatomy : of all of them; that of ``[model]`` has its own names, the others have theirs in front.
     inclusions : the elements of bodies and element sets with another material than that of ``[model]``.
     held : (k,) nodes of further bodies that are held.
+    fixed : the node sets that these are in.
     parts : name of a body, "" of that of ``[model]`` -> its mesh in its place, and the number of its first element.
     """
 
     anatomy: Anatomy
     inclusions: tuple[Inclusion, ...] = ()
     held: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+    fixed: tuple[str, ...] = ()
     parts: Mapping[str, tuple[HexMesh, int]] = field(default_factory=dict)
 
     def part_of(self, muscle: str) -> tuple[HexMesh, int]:
@@ -90,6 +92,7 @@ def with_bodies(
     parts, muscles = {"": (main.mesh, 0)}, dict(main.muscles)
     element_sets, notes = dict(main.element_sets), [*main.notes]
     held: list[np.ndarray] = []
+    names: list[str] = []
     nodes, elements = main.mesh.node_count, main.mesh.element_count
     for table in tables:
         where = f'body "{table.name}"'
@@ -102,6 +105,7 @@ def with_bodies(
                 raise InputError(f'{where}: fixed: unknown node set "{name}"; {nearest(name, one.mesh.node_sets)}')
             if f"{table.name}.{name}" not in supported:
                 held.append(nodes + one.mesh.node_sets[name])
+                names.append(f"{table.name}.{name}")
         if not fixed and not any(name.startswith(f"{table.name}.") for name in supported):
             raise InputError(f"{where} is held by nothing; name node sets of it in fixed.")
         shift = 1e-3 * np.array(table.shift_mm)
@@ -118,7 +122,7 @@ def with_bodies(
     mesh = join({name: mesh for name, (mesh, _) in parts.items()})
     anatomy = Anatomy(main.name, mesh, muscles, main.fixed, element_sets, tuple(notes))
     inclusions = _inclusions(anatomy, laws, model, material)
-    return Bodies(anatomy, inclusions, np.unique(np.concatenate([*held, np.zeros(0, dtype=np.int64)])), parts)
+    return Bodies(anatomy, inclusions, np.unique(np.concatenate([*held, np.zeros(0, dtype=np.int64)])), tuple(names), parts)
 
 
 def _inclusions(

@@ -153,6 +153,7 @@ def assemble(scenario: TransientScenario, folder: Path) -> Assembly:
         fibres=tuple(lines_of_muscles),
         inclusions=bodies.inclusions,
         surfaces=_surfaces(scenario),
+        fixed=(*(fixed if table.attachment == "nodes" else ()), *bodies.fixed),
     )
     check_anchors(model.pulls, model.bones)
     report = None

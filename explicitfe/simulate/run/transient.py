@@ -26,23 +26,7 @@ from explicitfe.fem.solve.transient import (
     Transient,
     step_share,
 )
-from explicitfe.platform.compiled.arrays import (
-    BARRIER,
-    BONE_AREA,
-    BONE_DEPTH,
-    BONE_FORCE,
-    DAMPED,
-    ENERGIES,
-    EXTERNAL,
-    HOURGLASS,
-    IN_CONTACT,
-    IN_TIES,
-    INTERNAL,
-    KINETIC,
-    LOST,
-    RUBBED,
-    SMALLEST_J,
-)
+from explicitfe.platform.compiled.arrays import BARRIER, ENERGIES, HOURGLASS, INTERNAL, SMALLEST_J
 from explicitfe.platform.errors import InputError, Progress
 from explicitfe.platform.host import stopping
 from explicitfe.results.documents.run_summary import (
@@ -72,26 +56,13 @@ from explicitfe.simulate.run.crossings import CROSSING_WARNING_M, Crossings
 from explicitfe.simulate.run.machine_code import kernels_of, make_ready
 from explicitfe.simulate.run.notes import balance_notes
 from explicitfe.simulate.run.outlook import check_room, check_steps, warn_of_long_run
-from explicitfe.simulate.run.quantities import SURFACE_PRESSURE, cell_fields, history_columns, pairs_of, point_fields
+from explicitfe.simulate.run.quantities import ENERGY_COLUMNS, cell_fields, fields_of, history_columns, history_rows, point_fields
 from explicitfe.simulate.scenario.transient import MuscleTable, TransientScenario
 
 BALANCE_ERROR_LIMIT = 0.1  # above it is no rounding: energy comes from nowhere, as it does when the step is too long
 DISPLACEMENT_WARNING_SHARE = 0.5  # of the model's largest extent: above it the forces are large for the tissue
 FIRST_ROOM_BYTES = 64e6  # of samples that a result file is made for at first; it grows when they are full
 RESTART_EVERY_S = 1.0  # wall time between two restart states
-# Column of the history -> entry of the energies of a sample.
-ENERGY_COLUMNS = {
-    "internal_energy": INTERNAL,
-    "hourglass_energy": HOURGLASS,
-    "barrier_energy": BARRIER,
-    "kinetic_energy": KINETIC,
-    "external_work": EXTERNAL,
-    "damping_loss": DAMPED,
-    "material_loss": LOST,
-    "contact_energy": IN_CONTACT,
-    "contact_loss": RUBBED,
-    "tied_energy": IN_TIES,
-}
 
 
 @dataclass(frozen=True)
@@ -258,19 +229,13 @@ class TransientAnalysis(Analysis[TransientScenario, Simulation]):
     def _writer(self, target: Path | ResultInMemory, overwrite: bool, expected: int) -> ResultWriter | ResultInMemory:
         scenario, model, simulation = self.scenario, self.model, self.body
         wanted = set(scenario.record.fields)
-        bones = [bone.name for bone in model.bones]
         per_sample = 8 * (6 * model.mesh.node_count + 2 * model.mesh.element_count)
         room = max(8, int(FIRST_ROOM_BYTES / per_sample))
         declared = Declaration(
             mesh=model.mesh,
-            point_fields=point_fields(wanted, bones, surfaces=self.model.surfaces is not None),
+            point_fields=point_fields(wanted, model),
             cell_fields=cell_fields(wanted),
-            history=history_columns(
-                model.probes,
-                bones,
-                [bone.name for bone in model.bones if bone.motion is not None],
-                [*simulation.bodies_in_contact],
-            ),
+            history=history_columns(model, [*simulation.bodies_in_contact], simulation.holders),
             bones={bone.name: (bone.surface.points, bone.surface.triangles) for bone in model.bones},
             fibres=model.fibres,
         )
@@ -290,36 +255,10 @@ class TransientAnalysis(Analysis[TransientScenario, Simulation]):
 
     def _store(self, writer: ResultWriter | ResultInMemory, recording: Recording, ledger: Ledger, count: int) -> None:
         """Store the first ``count`` samples of a recording."""
-        wanted = set(self.scenario.record.fields)
-        mesh, some = self.model.mesh, slice(0, count)
-        samples, times_s = recording.arrays, recording.time_s[some]
-        displacement, velocity, e = samples.displacement[some], samples.velocity[some], samples.energies[some]
-        rows: dict[str, np.ndarray] = {
-            "step": recording.steps[some],
-            "dt": recording.dt_s[some],
-            **{name: e[:, entry] for name, entry in ENERGY_COLUMNS.items()},
-            "balance_error": np.array(ledger.balance_errors[-count:]),
-            "smallest_J": samples.smallest_J[some],
-        }
-        for number, bone in enumerate(self.model.bones):
-            rows[f"contact_{bone.name}_force"] = samples.contact[some, number, BONE_FORCE : BONE_FORCE + 3]
-            rows[f"contact_{bone.name}_depth"] = samples.contact[some, number, BONE_DEPTH]
-            rows[f"contact_{bone.name}_area"] = samples.contact[some, number, BONE_AREA]
-            if bone.motion is not None:
-                rotation, shift = bone.motion.placement(times_s)
-                rows[f"bone_{bone.name}_placement"] = np.concatenate([rotation.reshape(count, 9), shift], axis=1)
-        for a, b, column in pairs_of([*self.body.bodies_in_contact]):
-            rows[column] = samples.pairs[some, a, b]
-        for name, point in self.model.probes.items():
-            rows[f"probe_{name}_displacement"] = mesh.at(point, displacement.transpose(1, 0, 2))[0]
-            rows[f"probe_{name}_velocity"] = mesh.at(point, velocity.transpose(1, 0, 2))[0]
-        points = {"displacement": displacement} | ({"velocity": velocity} if "velocity" in wanted else {})
-        for number, bone in enumerate(self.model.bones):
-            points[f"contact_pressure_{bone.name}"] = samples.pressure[some, number]
-        if self.model.surfaces is not None:
-            points[SURFACE_PRESSURE] = samples.pressed[some]
-        cells = {"J": samples.J[some], "hourglass_energy": samples.hourglass[some]}
-        writer.samples(times_s, rows, points, {name: value for name, value in cells.items() if name in wanted})
+        rows = history_rows(recording, count, [*self.body.bodies_in_contact])
+        rows["balance_error"] = np.array(ledger.balance_errors[-count:])
+        fields = fields_of(recording, count, set(self.scenario.record.fields))
+        writer.samples(recording.time_s[:count], rows, *fields)
 
     def _warnings(self, ledger: Ledger, last: Snapshot, folded: FoldedElements, crossings: Crossings) -> list[str]:
         """Warnings on the quality of the result."""

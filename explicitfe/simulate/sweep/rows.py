@@ -26,6 +26,7 @@ from explicitfe.results.measure.measure import constriction_of
 from explicitfe.results.measure.motion import body_motion, point_motions
 from explicitfe.results.measure.numbers import flat, numbers_of_curve
 from explicitfe.results.measure.palatogram import palatogram
+from explicitfe.results.measure.reactions import reactions
 from explicitfe.results.measure.sections import X, Z, midsagittal
 from explicitfe.results.measure.shape import grooves, highest_point
 from explicitfe.results.measure.steps import last_step
@@ -53,6 +54,7 @@ PARTS: dict[str, Callable[[Recorded, int], object]] = {
     "grooves": lambda result, step: grooves(result.mesh, result.displacement(step)),
     "constriction": constriction_of,
     "contact": contacts,
+    "reactions": reactions,
     "body": body_motion,
     "palatogram": palatogram,
     "leak": leak,

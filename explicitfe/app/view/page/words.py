@@ -11,6 +11,7 @@ import numpy as np
 from explicitfe.results.documents.loop_report import Estimate, LoopReport, NextExperiment, Parameters, estimates
 from explicitfe.results.documents.units_of_keys import words_and_unit
 from explicitfe.results.documents.verdict_text import effect_title, joined, probability, set_in_words
+from explicitfe.results.measure.document import Reaction
 
 DASH = "–"
 NO_BREAK = "\u00a0"
@@ -194,3 +195,11 @@ def worth_of(test: NextExperiment, report: LoopReport | None = None) -> str:
     if finite(test.information_bits) and finite(test.minutes):
         parts.append(f"expected information gain: {test.information_bits:.2g} bits; duration: about {test.minutes:.2g} min")
     return "; ".join(filter(None, parts))
+
+
+def reaction_in_words(reaction: Reaction) -> str:
+    """Such as "0.505 N (x -0.505, y 0, z 0); moved by 8.00 mm"."""
+    parts = [value if abs(value) > 1e-9 * reaction.magnitude_N else 0.0 for value in reaction.force_N]
+    axes = ", ".join(f"{axis} {number(part)}" for axis, part in zip("xyz", parts, strict=True))
+    moved_mm = float(np.linalg.norm(reaction.displacement_mm or 0.0))
+    return f"{number(reaction.magnitude_N)} N ({axes}){f'; moved by {moved_mm:.2f} mm' if moved_mm else ''}"

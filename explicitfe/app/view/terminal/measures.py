@@ -8,7 +8,7 @@ from pathlib import Path
 from rich.markup import escape
 from rich.table import Table
 
-from explicitfe.app.view.page.words import motion_at_end, number, speed
+from explicitfe.app.view.page.words import motion_at_end, number, reaction_in_words, speed
 from explicitfe.app.view.terminal.rows import forward_up, moved, pairs
 from explicitfe.results.measure.document import (
     Airway,
@@ -71,6 +71,9 @@ def measure_rows(measures: Measures) -> Iterator[tuple[str, str]]:
         yield from _constriction_rows(measures.constriction)
     if measures.airway is not None:
         yield from _airway_rows(measures.airway)
+    for name, reaction in measures.reactions.items():
+        if reaction.displacement_mm is not None:
+            yield f"reaction: {escape(name)}", reaction_in_words(reaction)
     for name, contact in measures.contact.items():
         yield f"contact: {escape(name)}", _contact(contact)
     if measures.palatogram is not None:

@@ -146,8 +146,13 @@ def _point_lines(result: Result) -> list[tuple[str, str, dict[str, np.ndarray]]]
 
 
 def _contact_lines(result: Result) -> list[tuple[str, str, dict[str, np.ndarray]]]:
-    """Title, unit and lines by bone of the charts of contact, of bones that were touched."""
-    charts = []
+    """Title, unit and lines by name of the charts of reaction forces, and of contact of bones that were touched."""
+    held = {
+        name: np.linalg.norm(result.history(f"reaction_{name}_force"), axis=1)
+        for name in result.reaction_names
+        if f"reaction_{name}_force" in result.history_names
+    }
+    charts = [("Reaction forces", "N", held)] if any(np.any(line) for line in held.values()) else []
     for title, unit, factor, kind in (("Resultant contact force", "N", 1.0, "force"), ("Contact area", "mm²", 1e6, "area")):
         lines = {}
         for bone in result.bones:

@@ -21,7 +21,17 @@ from explicitfe.app.view.page.run.checks import Checks, checks_of
 from explicitfe.app.view.page.run.playback import frame_count, playback
 from explicitfe.app.view.page.run.speech import Speech, fibre_points, speech_of
 from explicitfe.app.view.page.tables import PageTable, table
-from explicitfe.app.view.page.words import DASH, bare, finite, motion_at_end, number, paragraphs, percent, speed
+from explicitfe.app.view.page.words import (
+    DASH,
+    bare,
+    finite,
+    motion_at_end,
+    number,
+    paragraphs,
+    percent,
+    reaction_in_words,
+    speed,
+)
 from explicitfe.platform.errors import InputError
 from explicitfe.platform.host import shipped
 from explicitfe.results.documents.run_summary import kind_of
@@ -165,6 +175,9 @@ def _facts(result: Result, measures: Measures | None) -> Iterator[tuple[str, str
         yield "maximum force", f"{number(result.history('force')[most])} N at {number(depth_mm)} mm"
     if measures is not None:
         yield "at the end", motion_at_end(measures.body.settled, measures.body.fastest_mm_s)
+        for name, reaction in measures.reactions.items():
+            if reaction.displacement_mm is not None:
+                yield f"reaction force at {name} at the end", reaction_in_words(reaction)
         for name, contact in measures.contact.items():
             yield f"contact with the {name} at the end", _contact(contact)
     if scenario.get("effects"):

@@ -6,6 +6,7 @@ import math
 from typing import Any
 
 from explicitfe.fem.forces.apart import add_surface_pressure
+from explicitfe.fem.forces.element_stress import add_stress
 from explicitfe.fem.forces.reaction import sum_reactions
 from explicitfe.fem.solve.look import (
     FEWEST_TURNS,
@@ -206,6 +207,9 @@ def gather(state, shared, actions, instant, dt, ledgers, samples, number):
         block, at = lane // lanes.shape[2], lane % lanes.shape[2]
         samples.J[number, element] = lanes[0, block, at]
         samples.hourglass[number, element] = lanes[2, block, at]
+    if samples.stress.shape[1] > 0:
+        into = samples.stress[number], samples.J[number]
+        add_stress(into[0], into[1], samples.element, samples.detached, u, shared.addresses.internal_force)
     add_surface_pressure(actions.surfaces, samples.pressed[number], samples.pairs[number])
     bones = actions.bones
     for bone in range(len(bones.start)):

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from explicitfe.fem.elements.stress_measures import symmetric
 from explicitfe.fem.mesh.validity import certify
 from explicitfe.fem.model.model import Model
 from explicitfe.fem.solve.body import Body
 from explicitfe.fem.solve.contact_points import ToolContact
+from explicitfe.fem.solve.detached import detach
 from explicitfe.fem.solve.load_outcome import Equilibrium, Stuck
 from explicitfe.fem.solve.sector import SectorTie
 from explicitfe.platform.compiled.arrays import KINETIC_RATIO, MONITOR, RESIDUAL, REST_J
@@ -83,6 +85,20 @@ class LoadedBody(Body):
         hourglass = self._in_elements(self._element_hourglass)
         density = (self._in_elements(self._element_energy) + hourglass) / volume
         return {"J": self._in_elements(self._element_J), "strain_energy_density": density, "hourglass_energy": hourglass}
+
+    def element_stress(self) -> np.ndarray:
+        """Mean Cauchy stress of each element, xx, yy, zz, xy, yz, xz, (m, 6) Pa; see forces/element_stress.py."""
+        increment_s = self._increment_s
+        self.set_increment(0.0)
+        detached = detach(self.blocks, self.blocks.effects.copy(), self.hexes, self.points, self.volumes)
+        self.set_increment(increment_s)
+        detached.u[: self.hexes.size] = self.state.u[self.hexes.ravel()]
+        self.kernels.forces(detached.u, detached.force, detached.blocks)
+        x = self.points[self.hexes] + self.state.u[self.hexes, :3]
+        moments = np.einsum("mai,maj->mij", -detached.force[: self.hexes.size, :3].reshape(-1, 8, 3), x - x[:, :1])
+        stress = np.empty((len(self.hexes), 6))
+        stress[self.element_order] = symmetric(0.5 * (moments + moments.transpose(0, 2, 1))) / self.volumes[:, None]
+        return stress / self.element_fields()["J"][:, None]
 
     # ---- inside ----
 

@@ -26,6 +26,7 @@ from explicitfe.platform.compiled.arrays import (
     WAIT,
     WATCH,
     Blocks,
+    Detached,
     Holders,
     Looker,
     Looks,
@@ -53,6 +54,7 @@ class Snapshot:
     time_s : s.
     displacement, velocity : (n, 3) m, m/s.
     J, hourglass_energy : (m,), (m,) J.
+    stress : (m, 6) Pa. Mean Cauchy stress of each element, xx, yy, zz, xy, yz, xz; empty unless the simulation was asked for it.
     energies : (ENERGIES,) J: internal, hourglass, kinetic, external work, lost to damping, lost in the material, stored in
         contact, stored in ties, lost in contact, stored in the barrier against folding.
     smallest_J : the smallest J of any element in any step so far.
@@ -70,6 +72,7 @@ class Snapshot:
     velocity: np.ndarray
     J: np.ndarray
     hourglass_energy: np.ndarray
+    stress: np.ndarray
     energies: np.ndarray
     smallest_J: float
     contact_pressure: np.ndarray
@@ -135,6 +138,7 @@ class Recording:
             velocity=a.velocity[some],
             J=a.J[some],
             hourglass=a.hourglass[some],
+            stress=a.stress[some],
             energies=a.energies[some],
             smallest_J=a.smallest_J[some],
             pressure=a.pressure[some],
@@ -164,6 +168,7 @@ class Recording:
             velocity=a.velocity[number].copy(),
             J=a.J[number].copy(),
             hourglass_energy=a.hourglass[number].copy(),
+            stress=a.stress[number].copy(),
             energies=a.energies[number].copy(),
             smallest_J=float(a.smallest_J[number]),
             contact_pressure=a.pressure[number].copy(),
@@ -183,6 +188,7 @@ def samples_of(
     model: Model,
     state: State,
     holders: Sequence[Holder],
+    detached: Detached,
 ) -> Samples:
     """Arrays for so many samples: rows of the nodes, lanes of the elements, nodes of the contact points, bodies in contact."""
     sets = [nodes[holder.nodes] for holder in holders if len(holder.nodes)]
@@ -200,6 +206,8 @@ def samples_of(
         velocity=np.zeros((room, n, 3)),
         J=np.zeros((room, m)),
         hourglass=np.zeros((room, m)),
+        detached=detached,
+        stress=np.zeros((room, len(detached.corner), 6)),
         energies=np.zeros((room, ENERGIES)),
         smallest_J=np.zeros(room),
         pressure=np.zeros((room, bones, n)),

@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from explicitfe.platform.compiled.arrays import SWEEP_ROWS, Blocks, Part, State, zeros
+from explicitfe.platform.compiled.arrays import SMALLEST_J, SWEEP_ROWS, Blocks, Part, State, zeros
 from explicitfe.platform.compiled.simd import ROW
 from explicitfe.platform.compiled.threads import cores, gate
 
@@ -57,3 +57,14 @@ def parts_of(state: State, blocks: Blocks, count: int, loaded_rows: np.ndarray |
 def _runs(rows: np.ndarray) -> np.ndarray:
     """Of a flag a row, whether one is set in each run of SWEEP_ROWS."""
     return np.maximum.reduceat(rows, np.arange(0, len(rows), SWEEP_ROWS))
+
+
+def for_threads(state: dict[str, np.ndarray], threads: int) -> dict[str, np.ndarray]:
+    """Convert the sums of a restart state, stored per thread, to another number of threads: the first thread gets them all."""
+    if len(state["ledgers"]) == threads:
+        return state
+    sums = {name: np.zeros((threads, *state[name].shape[1:])) for name in ("ledgers", "lengths")}
+    for name, values in sums.items():
+        values[0] = state[name].sum(axis=0)
+    sums["ledgers"][:, SMALLEST_J:] = state["ledgers"][:, SMALLEST_J:].min(axis=0)
+    return state | sums

@@ -14,9 +14,10 @@ from explicitfe.fem.model.model import Model
 from explicitfe.fem.solve.body import Body
 from explicitfe.fem.solve.bones import bones_of, look_up_if_changed, restore_friction, state_of_friction, ties_of
 from explicitfe.fem.solve.course import LIMIT_ALONE, NO_LOOKS
+from explicitfe.fem.solve.detached import detach
 from explicitfe.fem.solve.loads import Loads
 from explicitfe.fem.solve.observe import TURNS_LATER, Recording, Snapshot, lookers_of, looks_of, samples_of, shape_numbers
-from explicitfe.fem.solve.parts import parts_of, usual_threads
+from explicitfe.fem.solve.parts import for_threads, parts_of, usual_threads
 from explicitfe.fem.solve.stable_step import fastest_element
 from explicitfe.fem.solve.surfaces import bodies_in_contact, highest_contact, restore_contact, state_of_contact, surfaces_of
 from explicitfe.platform.compiled.arrays import (
@@ -63,6 +64,8 @@ class Simulation(Body):
     displacement, velocity : (n, 3) values at time 0, m and m/s; zero if left out.
     threads : 1 to 256; chosen by the size of the mesh if left out. A model with prescribed motion or hanging weights uses one.
 
+    stress : whether samples have the stress of the elements.
+
     Attributes
     ----------
     time_s : present time, s.
@@ -84,6 +87,7 @@ class Simulation(Body):
         displacement: np.ndarray | None = None,
         velocity: np.ndarray | None = None,
         threads: int | None = None,
+        stress: bool = False,
     ) -> None:
         if threads is not None:
             threads = count_like("Simulation: threads", threads, ThreadCount, "threads")
@@ -116,6 +120,8 @@ class Simulation(Body):
         self._looks = looks_of(self.nodes, len(self.parts))
         self.lookers = lookers_of(self.parts, self.blocks, self.state, self._looks)
         self._difference_m = 1e-6 * float(np.cbrt(self.volumes.min()))  # over which a force is differenced
+        still = np.concatenate([looker.blocks.effects for looker in self.lookers])
+        self._detached = detach(self.blocks, still, self.hexes if stress else self.hexes[:0], self.points, self.volumes)
         self._now = self.recording(1)
         self._activate()
         if displacement is not None and any(effect.remembers for effect in model.effects):
@@ -301,7 +307,7 @@ class Simulation(Body):
     def recording(self, room: int) -> Recording:
         """Memory for ``room`` samples of this body."""
         lane = np.argsort(self.element_order)
-        others = len(self.surfaces.pairs), self.model, self.state, self.holders
+        others = len(self.surfaces.pairs), self.model, self.state, self.holders, self._detached
         return Recording(self.model, samples_of(room, self._place, lane, self.bones.user, *others), self.holders)
 
     @property
@@ -437,14 +443,3 @@ class Simulation(Body):
         done = int(together(tasks, gate)[0])
         self.bones.seen[:] = self.state.u
         return done
-
-
-def for_threads(state: dict[str, np.ndarray], threads: int) -> dict[str, np.ndarray]:
-    """Convert the sums of a restart state, stored per thread, to another number of threads: the first thread gets them all."""
-    if len(state["ledgers"]) == threads:
-        return state
-    sums = {name: np.zeros((threads, *state[name].shape[1:])) for name in ("ledgers", "lengths")}
-    for name, values in sums.items():
-        values[0] = state[name].sum(axis=0)
-    sums["ledgers"][:, SMALLEST_J:] = state["ledgers"][:, SMALLEST_J:].min(axis=0)
-    return state | sums

@@ -20,7 +20,8 @@ from explicitfe.fem.solve.look import (
     UNDAMPED_LONGEST_STEP_SHARE,
 )
 from explicitfe.fem.solve.observe import Recording, Snapshot
-from explicitfe.fem.solve.simulation import Simulation, for_threads
+from explicitfe.fem.solve.parts import for_threads
+from explicitfe.fem.solve.simulation import Simulation
 from explicitfe.fem.solve.stable_step import STEP_SHARE_OF_LIMIT
 from explicitfe.platform.compiled.arrays import (
     CORNER,
@@ -204,7 +205,9 @@ class Transient:
         simulation = self.simulation
         self._renew_checkpoint()  # the caller may have changed the state
         one = simulation.recording(1).arrays
-        bytes_each = sum(array.nbytes for array in (one.displacement, one.velocity, one.J, one.hourglass, one.pressure))
+        bytes_each = sum(
+            array.nbytes for array in (one.displacement, one.velocity, one.J, one.hourglass, one.stress, one.pressure)
+        )
         recording = simulation.recording(room or max(1, int(ROOM_BYTES / bytes_each)))
         if not self._resumed:
             simulation.go(0, simulation.dt_s, recording=recording, instants=np.zeros(1, dtype=np.int64))

@@ -124,6 +124,16 @@ class Holders(NamedTuple):
     node: np.ndarray  # row of each entry, int64, (entries,)
 
 
+class Detached(NamedTuple):
+    """Elements with nodes of their own, in computing order: corner a of element e has row 8 e + a; empty where none are."""
+
+    blocks: Blocks
+    corner: np.ndarray  # row of each corner in the body, int64, (m, 8)
+    u: np.ndarray  # displacements of the corners: work array [m], (N, 4)
+    force: np.ndarray  # minus the internal forces on them: work array [N], (N, 4)
+    volume: np.ndarray  # at rest [m^3], (m,)
+
+
 class Samples(NamedTuple):
     """States of the body at some instants, in the user's numbering, and what it takes to gather them; k samples."""
 
@@ -133,10 +143,12 @@ class Samples(NamedTuple):
     element: np.ndarray  # lane of each element, int64, (m,)
     touching: np.ndarray  # each node of the contact faces, int64, (k,)
     holders: Holders
+    detached: Detached
     displacement: np.ndarray  # [m], (k, n, 3)
     velocity: np.ndarray  # [m/s], (k, n, 3)
     J: np.ndarray  # (k, m)
     hourglass: np.ndarray  # hourglass energy [J], (k, m)
+    stress: np.ndarray  # Cauchy stress xx, yy, zz, xy, yz, xz [Pa], (k, m, 6); (k, 0, 6) where it is not asked for
     energies: np.ndarray  # [J], (k, ENERGIES)
     smallest_J: np.ndarray  # of any element in any step so far, (k,)
     pressure: np.ndarray  # of each bone on each node [Pa], (k, bones, n)

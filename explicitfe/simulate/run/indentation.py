@@ -32,6 +32,7 @@ from explicitfe.simulate.run.analysis import HOURGLASS_WARNING_SHARE, Analysis, 
 from explicitfe.simulate.run.machine_code import kernels_of, make_ready
 from explicitfe.simulate.run.notes import equilibrium_notes
 from explicitfe.simulate.run.outlook import check_room, warn_of_long_run
+from explicitfe.simulate.run.stress_fields import needs_stress, numbers_per, stress_fields, stress_quantities
 from explicitfe.simulate.run.work import balance_of, external_work
 from explicitfe.simulate.scenario.indentation import IndentationScenario
 
@@ -177,13 +178,17 @@ class IndentationAnalysis(Analysis[IndentationScenario, Relaxation]):
         """Size of the fields in the result."""
         mesh, fields = self.model.mesh, {"J", "hourglass_energy", "strain_energy_density"} & set(self.scenario.record.fields)
         samples = len(self.scenario.analysis.course) + 1
-        return float(samples * 8 * (3 * mesh.node_count + len(fields) * mesh.element_count))
+        wanted = self.scenario.record.fields
+        per_node, per_element = 3 + numbers_per(wanted, "point"), len(fields) + numbers_per(wanted, "cell")
+        return float(samples * 8 * (per_node * mesh.node_count + per_element * mesh.element_count))
 
     def _writer(self, target: Path | ResultInMemory, overwrite: bool, expected: int) -> ResultWriter | ResultInMemory:
         wanted = self.scenario.record.fields
         declared = Declaration(
             mesh=self.model.mesh,
-            cell_fields={name: quantity for name, quantity in INDENTATION_FIELDS.items() if name in wanted},
+            point_fields=stress_quantities(wanted, "point"),
+            cell_fields={name: one for name, one in INDENTATION_FIELDS.items() if name in wanted}
+            | stress_quantities(wanted, "cell"),
             history=INDENTATION_HISTORY,
         )
         if isinstance(target, ResultInMemory):
@@ -203,7 +208,10 @@ class IndentationAnalysis(Analysis[IndentationScenario, Relaxation]):
         row["external_work"] = external_work(curve).work_J
         fields = self.body.element_fields()
         cells: dict[str, np.ndarray] = {name: fields[name] for name in INDENTATION_FIELDS if name in self.scenario.record.fields}
-        writer.sample(time_s, row, {"displacement": self.body.displacement}, cells)
+        wanted, u = self.scenario.record.fields, self.body.displacement
+        stress = self.body.element_stress() if needs_stress(wanted) else np.zeros((0, 6))
+        more_points, more_cells = stress_fields(self.model.mesh, wanted, u, stress)
+        writer.sample(time_s, row, {"displacement": u} | more_points, cells | more_cells)
         writer.restart(self.body.restart_state() | restart_extras(len(curve), time.perf_counter() - started))
 
     def _stuck(self, stuck: Stuck, load: str) -> str:

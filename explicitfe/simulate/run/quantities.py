@@ -25,6 +25,7 @@ from explicitfe.platform.compiled.arrays import (
     RUBBED,
 )
 from explicitfe.results.files import Quantity
+from explicitfe.simulate.run.stress_fields import stress_fields, stress_quantities
 
 # Column of the history -> entry of the energies of a sample.
 ENERGY_COLUMNS = {
@@ -71,12 +72,12 @@ def point_fields(wanted: Collection[str], model: Model) -> dict[str, Quantity]:
         fields[f"contact_pressure_{bone.name}"] = Quantity("Pa", 1, f"pressure of {bone.name} on the surface")
     if model.surfaces is not None:
         fields[SURFACE_PRESSURE] = Quantity("Pa", 1, "pressure of surfaces on each other")
-    return fields
+    return fields | stress_quantities(wanted, "point")
 
 
 def cell_fields(wanted: Collection[str]) -> dict[str, Quantity]:
     """Fields of elements, those of ``record.fields`` that are wanted."""
-    return {name: quantity for name, quantity in _CELL_FIELDS.items() if name in wanted}
+    return {name: quantity for name, quantity in _CELL_FIELDS.items() if name in wanted} | stress_quantities(wanted, "cell")
 
 
 def pairs_of(bodies: Sequence[str]) -> list[tuple[int, int, str]]:
@@ -147,4 +148,5 @@ def fields_of(recording: Recording, count: int, wanted: Collection[str]) -> tupl
     if model.surfaces is not None:
         points[SURFACE_PRESSURE] = samples.pressed[some]
     cells = {"J": samples.J[some], "hourglass_energy": samples.hourglass[some]}
-    return points, {name: value for name, value in cells.items() if name in wanted}
+    more_points, more_cells = stress_fields(model.mesh, wanted, samples.displacement[some], samples.stress[some])
+    return points | more_points, {name: value for name, value in cells.items() if name in wanted} | more_cells

@@ -57,6 +57,7 @@ from explicitfe.simulate.run.machine_code import kernels_of, make_ready
 from explicitfe.simulate.run.notes import balance_notes
 from explicitfe.simulate.run.outlook import check_room, check_steps, warn_of_long_run
 from explicitfe.simulate.run.quantities import ENERGY_COLUMNS, cell_fields, fields_of, history_columns, history_rows, point_fields
+from explicitfe.simulate.run.stress_fields import needs_stress, numbers_per
 from explicitfe.simulate.scenario.transient import MuscleTable, TransientScenario
 
 BALANCE_ERROR_LIMIT = 0.1  # above it is no rounding: energy comes from nowhere, as it does when the step is too long
@@ -80,7 +81,8 @@ class TransientAnalysis(Analysis[TransientScenario, Simulation]):
     def prepare(cls, path: Path, scenario: TransientScenario, text: str) -> Self:
         """Build the model of a tongue, or of a mesh of one's own, with its muscles."""
         model, anatomy, surgery, displacement = assemble(scenario, path.parent)
-        simulation = Simulation(model, displacement=displacement, threads=scenario.analysis.threads)
+        stress = needs_stress(scenario.record.fields)
+        simulation = Simulation(model, displacement=displacement, threads=scenario.analysis.threads, stress=stress)
         notes = (*anatomy.notes, *(() if surgery is None else surgery["notes"]))
         return cls(path, scenario, text, model, anatomy.name, simulation, notes, surgery=surgery)
 
@@ -222,8 +224,8 @@ class TransientAnalysis(Analysis[TransientScenario, Simulation]):
         """Size of the fields in the result."""
         record, mesh = self.scenario.record, self.model.mesh
         samples = int(self.scenario.analysis.duration_ms / record.every_ms) + 1
-        per_node = 8 * 3 * (1 + ("velocity" in record.fields))
-        per_element = 8 * len({"J", "hourglass_energy"} & set(record.fields))
+        per_node = 8 * (3 * (1 + ("velocity" in record.fields)) + numbers_per(record.fields, "point"))
+        per_element = 8 * (len({"J", "hourglass_energy"} & set(record.fields)) + numbers_per(record.fields, "cell"))
         return float(samples * (per_node * mesh.node_count + per_element * mesh.element_count))
 
     def _writer(self, target: Path | ResultInMemory, overwrite: bool, expected: int) -> ResultWriter | ResultInMemory:

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from explicitfe.fem.inputs.limits import RelativeResidual
+from explicitfe.fem.inputs.limits import RelativeResidual, StressField
 from explicitfe.fem.inputs.specimen import SpecimenTable, ToolTable
 from explicitfe.fem.inputs.table import MOST_ROWS_OF_A_COURSE, MOST_TABLES_OF_A_KIND, Table, Threads, Title
 from explicitfe.simulate.scenario.effects_table import EffectsTable
@@ -52,9 +52,10 @@ class RelaxationTable(Table):
 class SpecimenRecordTable(Table):
     """What is stored."""
 
-    fields: list[Literal["displacement", "J", "strain_energy_density", "hourglass_energy"]] = Field(
+    fields: list[Literal["displacement", "J", "strain_energy_density", "hourglass_energy", StressField]] = Field(
         default=["displacement", "J", "strain_energy_density", "hourglass_energy"],
-        description="what is stored of every node or element at each equilibrium",
+        description="what is stored of every node or element at each equilibrium; in addition to the default stress, von_mises, "
+        "pressure, their means at nodes (nodal_...), strain and stretches",
     )
 
 

@@ -6,7 +6,7 @@ from typing import Annotated, Literal, get_args
 
 from pydantic import Field, model_validator
 
-from explicitfe.fem.inputs.limits import ElementName
+from explicitfe.fem.inputs.limits import ElementName, StressField
 from explicitfe.fem.inputs.material import Material
 from explicitfe.fem.inputs.table import MOST_TABLES_OF_A_KIND, Name, Table, Threads, Title, Vector
 from explicitfe.simulate.scenario.bodies import BodyTable, ContactTable, MeshTable
@@ -18,14 +18,15 @@ from explicitfe.simulate.scenario.loads import AirTable, LoadTable, ReleaseTable
 from explicitfe.simulate.scenario.profile import ProfileTable
 from explicitfe.simulate.scenario.surgery import GraftTable, ResectionTable, ScarTable
 
-# The fields that a transient run can store.
-FieldName = Literal["displacement", "velocity", "J", "hourglass_energy"]
+# The fields that a transient run stores, and those that it can store in addition.
+UsualField = Literal["displacement", "velocity", "J", "hourglass_energy"]
+FieldName = Literal[UsualField, StressField]
 
 
 # So many pictures in time nobody looks at; of the smallest mesh they fill 10 GB.
 MOST_SAMPLES = 1_000_000
 
-FIELDS: tuple[FieldName, ...] = get_args(FieldName)
+FIELDS: tuple[UsualField, ...] = get_args(UsualField)
 
 
 class Damping(Table):
@@ -115,7 +116,11 @@ class RecordTable(Table):
     """What is stored."""
 
     every_ms: float = Field(default=1.0, gt=0.0, description="time between two samples [ms]; at most a million samples")
-    fields: list[FieldName] = Field(default=list(FIELDS), description="fields of nodes and elements stored at each sample")
+    fields: list[FieldName] = Field(
+        default=list(FIELDS),
+        description="fields of nodes and elements stored at each sample; in addition to the default stress, von_mises, pressure, "
+        "their means at nodes (nodal_...), strain and stretches",
+    )
     probes: list[Name] | None = Field(default=None, description="named points with a history; all of the model by default")
 
 

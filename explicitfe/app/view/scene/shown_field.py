@@ -20,7 +20,7 @@ NEUTRAL_VALUES = {"J": 1.0}
 NEUTRAL_COLOURS, RISING_COLOURS = "coolwarm", "viridis"
 ON_MARK_SHARE = 1e-9
 # What fields are called whose names say too little.
-NAMES = {"J": "volume ratio J", "velocity": "speed"}
+NAMES = {"J": "volume ratio J", "velocity": "speed", "von_mises": "von Mises stress", "nodal_von_mises": "von Mises stress"}
 
 
 @dataclass(frozen=True)
@@ -53,6 +53,8 @@ def check_field(result: Result, name: str) -> None:
     """InputError unless a result has a field of that name, or the name is that of none."""
     if name != NO_FIELD and name not in result.fields:
         raise InputError(f'{result.path} has no field "{name}"; {nearest(name, [*result.fields, NO_FIELD])}')
+    if name != NO_FIELD and result.fields[name].quantity.components > 3:
+        raise InputError(f'field "{name}" is a tensor; colour by a number, such as von_mises or pressure of record.fields.')
 
 
 def shown_field(result: Result, name: str, steps: Sequence[int]) -> ShownField | None:

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from explicitfe.fem.inputs.argument import count_like, finite_number, number_like
+from explicitfe.fem.inputs.argument import count_like, number_like
 from explicitfe.fem.inputs.bounds import bounds_of
 from explicitfe.fem.inputs.limits import RelativeResidual, ThreadCount
 from explicitfe.fem.mesh.checked_arrays import LARGEST_LENGTH_M
@@ -110,7 +110,6 @@ class Relaxation(LoadedBody):
         self.tolerance = tolerance
         self.iterations = 0
         self._most_iterations = np.inf
-        self.time_s = 0.0
         self._free = ~self.model.held[self.node_order] & ~self._tie.on_far_side[:, None]
         self._by_force = False
         support = self.model.support
@@ -192,8 +191,8 @@ class Relaxation(LoadedBody):
             return self._touched(0.0)
         self.contact.retreat()
         # Without a load the body is at rest as it is: a residual of zero over a load of zero would be rounding.
-        if self._external.any() and (failure := self._attempt(progress, slowly=True)) is not None:
-            return self._stuck(failure, 0.0, 0.0)
+        if self._external.any() and (stuck := self._carry(progress)) is not None:
+            return stuck
         if not self.contact.tied:
             self.contact.descend_to_first_touch(self.state.u)
         return self._touched(self.contact.depth_m)
@@ -241,21 +240,6 @@ class Relaxation(LoadedBody):
         displacement_m = self._checked_load("move: displacement_m", displacement_m, LARGEST_LENGTH_M)
         return self._approach(displacement_m, False, self._checked_time("move: at_s", at_s), progress)
 
-    def _checked_load(self, name: str, value: float, largest: float) -> float:
-        load = finite_number(name, value)
-        if abs(load) > largest:
-            raise InputError(f"{name} = {load:g} is out of range: the largest magnitude is {largest:g}.")
-        if self.model.tool is None:
-            raise InputError(f"{name.partition(':')[0]}: the model has no tool; use settle() for dead loads, or give it a tool.")
-        return load
-
-    def _checked_time(self, name: str, at_s: float | None) -> float:
-        if at_s is None:
-            return self.time_s
-        if finite_number(name, at_s) < self.time_s:
-            raise InputError(f"{name} = {at_s:g} is before the last load, at {self.time_s:g} s; times must not decrease.")
-        return float(at_s)
-
     # ---- what is known ----
 
     def compile(self, progress: Callable[[float], None] = lambda share: None) -> float:
@@ -283,6 +267,27 @@ class Relaxation(LoadedBody):
         return time.perf_counter() - begin
 
     # ---- approaching a load ----
+
+    def _carry(self, progress: Callable[[float], None]) -> Stuck | None:
+        """Find the equilibrium under the dead loads, at once or, where that fails, in halves of what is missing."""
+        loads, done, shares = self._external.copy(), 0.0, [1.0]
+        self._most_iterations = np.inf
+        try:
+            while shares:
+                self._external[:] = loads if shares[-1] == 1.0 else shares[-1] * loads
+                failure = self._attempt(progress, slowly=shares == [1.0] and done == 0.0)
+                if failure is None and (done := shares.pop()) < 1.0:
+                    self._commit(0.0)
+                elif failure is not None:
+                    stuck = self._stuck(failure, 0.0, 0.0)
+                    self._restore()
+                    self.contact.retreat()
+                    if shares[-1] - done <= 0.5**MOST_HALVINGS:
+                        return stuck
+                    shares.append(0.5 * (done + shares[-1]))
+        finally:
+            self._external[:] = loads
+        return None
 
     def _touched(self, depth_m: float) -> Equilibrium | Stuck:
         """Count displacements from here on."""
@@ -363,9 +368,8 @@ class Relaxation(LoadedBody):
             if failure is None and not self.contact.presses(self.state.u):
                 return "not-converged"
             if failure is None and self.contact.depth_m - self.touch_m >= self._height_m:
-                failure = (
-                    "inverted"  # less than nothing is between the tool and the base: forces may balance, the body cannot exist
-                )
+                # less than nothing is between the tool and the base: forces may balance, the body cannot exist
+                failure = "inverted"
             if failure != "inverted":
                 return failure
             if extrapolated:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from explicitfe.fem.elements.stress_measures import symmetric
+from explicitfe.fem.inputs.argument import finite_number
 from explicitfe.fem.mesh.validity import certify
 from explicitfe.fem.model.model import Model
 from explicitfe.fem.solve.body import Body
@@ -23,6 +24,7 @@ class LoadedBody(Body):
     ----------
     contact : the tool and the points of the surface that it may touch.
     touch_m : depth of the tool from which its displacement counts.
+    time_s : time of the last equilibrium, s.
     friction_loss_J : energy lost to friction so far, of what is meshed.
     """
 
@@ -34,6 +36,7 @@ class LoadedBody(Body):
         super().__init__(model)
         self.friction_loss_J = 0.0
         self.touch_m = 0.0
+        self.time_s = 0.0
         self._tie = SectorTie(self.model.sector, self._place)
         self.contact = ToolContact(self.model, self._place, self.points, self.kernels)
         self._external = self._dead_forces()
@@ -101,6 +104,21 @@ class LoadedBody(Body):
         return stress / self.element_fields()["J"][:, None]
 
     # ---- inside ----
+
+    def _checked_load(self, name: str, value: float, largest: float) -> float:
+        load = finite_number(name, value)
+        if abs(load) > largest:
+            raise InputError(f"{name} = {load:g} is out of range: the largest magnitude is {largest:g}.")
+        if self.model.tool is None:
+            raise InputError(f"{name.partition(':')[0]}: the model has no tool; use settle() for dead loads, or give it a tool.")
+        return load
+
+    def _checked_time(self, name: str, at_s: float | None) -> float:
+        if at_s is None:
+            return self.time_s
+        if finite_number(name, at_s) < self.time_s:
+            raise InputError(f"{name} = {at_s:g} is before the last load, at {self.time_s:g} s; times must not decrease.")
+        return float(at_s)
 
     def _dead_forces(self) -> np.ndarray:
         """Dead loads on the node rows; those on the sector's far side act on its near one."""

@@ -317,7 +317,7 @@ def test_a_load_is_spread_over_a_disc(tmp_path: Path) -> None:
         ("[[load]]\nat_mm = [50.0, 5.0, 20.0]\nmass_g = 1.0", "10 mm outside"),
         ('[[load]]\nnodes = ["x1"]\nradius_mm = 3.0\nmass_g = 1.0', "radius_mm goes with at_mm"),
         ("[[load]]\nat_mm = [25.0, 5.0, 5.0]\nradius_mm = 1.0\nmass_g = 1.0", "no part of the surface lies within 1 mm"),
-        ('[[load]]\nnodes = ["x1"]', "give force_N or mass_g"),
+        ('[[load]]\nnodes = ["x1"]', "give force_N, pressure_kPa, body_force_N_m3 or mass_g"),
         ('[[load]]\nnodes = ["x1"]\nmass_g = 1.0\nstart_ms = 5.0', "there from the start"),
         ('[[load]]\nnodes = ["x1"]\nmass_g = 1.0\nstring_slack_mm = 0.0\n[release]\nhold = ["x1"]', "mass on a string"),
         ("[release]\nshift_mm = [0.0, 1.0, 0.0]", "shift_mm needs hold"),

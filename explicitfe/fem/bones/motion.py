@@ -15,7 +15,7 @@ class RigidMotion:
     ----------
     centre_m : (3,) m. A point of the axis at rest.
     turn_rad : (3,) rad. Axis times angle at course 1, by the right-hand rule.
-    shift_m : (3,) m. Shift of the axis at course 1.
+    shift_m : (3,) m. Shift of the axis at course 1; or (k, 3) m, the shift at each time whatever the course.
     time_s, course : (k,), (k,). Piecewise linear; before the first time and after the last the first and the last value.
     """
 
@@ -36,9 +36,15 @@ class RigidMotion:
         cross = np.array([[0.0, -axis[2], axis[1]], [axis[2], 0.0, -axis[0]], [-axis[1], axis[0], 0.0]])
         sine, cosine = np.sin(share * angle), np.cos(share * angle)
         rotation = np.eye(3) + sine[:, None, None] * cross + (1.0 - cosine)[:, None, None] * (cross @ cross)
-        return rotation, self.centre_m + share[:, None] * self.shift_m - rotation @ self.centre_m
+        shift = share[:, None] * self.shift_m if self.shift_m.ndim == 1 else along(self.time_s, self.shift_m, times_s)
+        return rotation, self.centre_m + shift - rotation @ self.centre_m
 
     @property
     def edges_s(self) -> np.ndarray:
         """Times at which the speed jumps: they are put on step boundaries."""
         return np.unique(self.time_s)
+
+
+def along(time_s: np.ndarray, path_m: np.ndarray, times_s: np.ndarray) -> np.ndarray:
+    """Places (t, 3) m at times (t,) s on a path (k, 3) m with the times (k,) s, linear in between and constant outside."""
+    return np.stack([np.interp(times_s, time_s, path_m[:, axis]) for axis in range(3)], axis=1)

@@ -43,6 +43,7 @@ BOUNDS = {
     "_kPa_per_mm": Bounds(1e-6, 1e6, "foundations lie between 1 mPa/mm and 1 GPa/mm"),
     "_mm_kPa": Bounds(1e-9, 1e4, "compliances end at 10 m/kPa"),
     "_mm_N": Bounds(1e-9, 1e4, "compliances end at 10 m/N"),
+    "_m_s": Bounds(1e-9, 1e3, "velocities end at 1000 m/s"),
     "_N_s": Bounds(1e-9, 1e3, "drifts of a force end at 1 kN/s"),
     "_per_s": Bounds(1e-6, 1e6, "rates end at one in a microsecond"),
     "_mm2": Bounds(1e-6, 1e8, "areas lie between (1 micrometre)^2 and (10 m)^2"),

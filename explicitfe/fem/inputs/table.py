@@ -100,5 +100,6 @@ Names = Annotated[
 Vector = Annotated[tuple[float, float, float], row_of(3, "three numbers [x, y, z]")]
 Cells = Annotated[tuple[int, int, int], row_of(3, "three whole numbers, such as [16, 8, 10]")]
 Pair = Annotated[tuple[float, float], row_of(2, "a pair [time_ms, scale]")]
+PathRow = Annotated[tuple[float, float, float, float], row_of(4, "a row [time_ms, x_mm, y_mm, z_mm]")]
 Threads = Annotated[ThreadCount | None, Field(description="number of threads; chosen for the size of the mesh by default")]
 Size = Annotated[tuple[float, float, float], row_of(3, "three lengths [x, y, z] in mm")]

@@ -1,15 +1,17 @@
-"""What is fixed to a body or acts on it from outside: masses, follower forces, hanging weights, and the air."""
+"""What is fixed to a body or acts on it from outside: masses, follower forces, pressure, hanging weights, and the air."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Self
 
 import numpy as np
 
-from explicitfe.fem.inputs.argument import number_like, vector
+from explicitfe.fem.inputs.argument import finite_number, number_like, vector
 from explicitfe.fem.inputs.bounds import bounds_of
 from explicitfe.fem.inputs.limits import NotNegative, Positive
 from explicitfe.fem.mesh.checked_arrays import index_array, number_array
+from explicitfe.fem.mesh.hexmesh import FACES, HexMesh, free_faces
 from explicitfe.fem.model.profile import Profile
 from explicitfe.platform.errors import InputError
 
@@ -74,6 +76,52 @@ class FollowerLoad:
             raise InputError(f"FollowerLoad: force_N has {len(force_N)} rows and nodes {len(nodes)} entries; give one for each.")
         object.__setattr__(self, "nodes", nodes)
         object.__setattr__(self, "force_N", force_N)
+
+
+@dataclass(frozen=True)
+class FacePressure:
+    """A pressure on faces of the surface that follows them (forces/pressure.py).
+
+    Parameters
+    ----------
+    name : for messages.
+    faces : (k, 4) nodes of each face, counter-clockwise seen from outside; see :meth:`on`.
+    pressure_Pa : pressure at profile value 1, positive into the body, Pa.
+    profile : activation profile; constant if left out.
+
+    Raises
+    ------
+    InputError : an array of another shape or type, or a number out of range.
+    """
+
+    name: str
+    faces: np.ndarray
+    pressure_Pa: float
+    profile: Profile = field(default_factory=Profile.constant)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "faces", index_array("FacePressure: faces", self.faces, None, "node", columns=4))
+        finite_number("FacePressure: pressure_Pa", self.pressure_Pa)
+
+    @property
+    def nodes(self) -> np.ndarray:
+        """All corners, (4 k,)."""
+        return np.asarray(self.faces.ravel())
+
+    @classmethod
+    def on(cls, mesh: HexMesh, nodes: np.ndarray, pressure_Pa: float, profile: Profile | None = None, name: str = "") -> Self:
+        """A pressure on all free faces of a mesh whose four corners are among ``nodes`` (k,).
+
+        Raises
+        ------
+        InputError : there are no such faces.
+        """
+        element, face = free_faces(mesh.hexes)
+        faces = mesh.hexes[element[:, None], FACES[face]]
+        faces = faces[np.isin(faces, nodes).all(axis=1)]
+        if not len(faces):
+            raise InputError(f"pressure {name}: the nodes contain no complete face of the surface; name another node set.")
+        return cls(name, faces, pressure_Pa, Profile.constant() if profile is None else profile)
 
 
 @dataclass(frozen=True)

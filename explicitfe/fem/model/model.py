@@ -18,7 +18,7 @@ from explicitfe.fem.inputs.limits import ElementName, NotNegative
 from explicitfe.fem.materials import Law
 from explicitfe.fem.mesh.checked_arrays import check_range, index_array, mask_array, number_array
 from explicitfe.fem.mesh.hexmesh import HexMesh, MaterialPoints
-from explicitfe.fem.model.attached import AirDrag, AttachedMass, FollowerLoad, HangingWeight
+from explicitfe.fem.model.attached import AirDrag, AttachedMass, FacePressure, FollowerLoad, HangingWeight
 from explicitfe.fem.model.profile import Profile
 from explicitfe.fem.model.surface_contact import SurfaceContact
 from explicitfe.platform.compiled.arrays import Springs
@@ -211,10 +211,12 @@ class PrescribedMotion:
     ----------
     nodes : (k,) node numbers.
     displacement : function of times (t,), s, that returns displacements (t, k, 3), m; zero at time 0.
+    edges_s : (j,) times at which the velocity jumps, s; they are put on step boundaries.
     """
 
     nodes: np.ndarray
     displacement: Callable[[np.ndarray], np.ndarray]
+    edges_s: np.ndarray = field(default_factory=lambda: np.zeros(0))
 
 
 @dataclass(frozen=True)
@@ -306,8 +308,8 @@ class Model:
     weights : weights that hang from the body on strings.
     air : drag of the air on the free surface; none if left out.
     surfaces : contact of free surfaces with each other in a run in time; they pass through each other if left out.
-    fixed : node sets by which the reaction forces of held and prescribed nodes are named; those of other nodes are "held" and
-        "prescribed".
+    pressures : pressures on faces that follow them.
+    fixed : node sets that name the reaction forces of held and prescribed nodes; others are "held" and "prescribed".
 
     Raises
     ------
@@ -341,6 +343,7 @@ class Model:
     weights: tuple[HangingWeight, ...] = ()
     air: AirDrag | None = None
     surfaces: SurfaceContact | None = None
+    pressures: tuple[FacePressure, ...] = ()
     fixed: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
@@ -360,18 +363,15 @@ class Model:
         kinds: tuple[tuple[str, type], ...] = (
             ("loads", NodalLoad), ("pulls", FibrePull), ("stresses", FibreStress), ("bones", Bone), ("attachments", Attachment),
             ("inclusions", Inclusion), ("effects", MaterialEffect), ("masses", AttachedMass), ("followers", FollowerLoad),
-            ("weights", HangingWeight),
+            ("weights", HangingWeight), ("pressures", FacePressure),
         )  # fmt: skip
         for name, kind in kinds:
             object.__setattr__(self, name, _tuple_of(f"Model: {name}", getattr(self, name), kind))
-        for name, kind in (
-            ("motion", PrescribedMotion),
-            ("tool", Tool),
-            ("sector", RotationalSymmetry),
-            ("support", Springs),
-            ("air", AirDrag),
+        single: tuple[tuple[str, type], ...] = (
+            ("motion", PrescribedMotion), ("tool", Tool), ("sector", RotationalSymmetry), ("support", Springs), ("air", AirDrag),
             ("surfaces", SurfaceContact),
-        ):
+        )  # fmt: skip
+        for name, kind in single:
             if not isinstance(getattr(self, name), kind | None):
                 raise InputError(f"Model: {name} must be a {kind.__name__}, not {shortened(repr(getattr(self, name)))}.")
         self._check_nodes_and_elements()
@@ -390,7 +390,7 @@ class Model:
     def _check_nodes_and_elements(self) -> None:
         """Refuse loads, muscles and probes on nodes or elements that the mesh does not have."""
         nodes, elements = self.mesh.node_count, self.mesh.element_count
-        for name in ("loads", "masses", "followers", "weights"):
+        for name in ("loads", "masses", "followers", "weights", "pressures"):
             for number, part in enumerate(getattr(self, name)):
                 check_range(f"Model: {name}[{number}]", part.nodes, nodes, "node")
         if self.motion is not None:

@@ -119,6 +119,7 @@ def check_differentiable(model: Model) -> None:
         "prescribed motion": model.motion is not None,
         "contact of surfaces with each other ([contact])": model.surfaces is not None,
         "a force that follows the body (load.follows)": bool(model.followers),
+        "a pressure that follows the body (load.pressure_kPa)": bool(model.pressures),
         "a mass on a string (load.string_slack_mm)": bool(model.weights),
         "an attached mass (load.mass_g)": bool(model.masses),
         "drag ([air])": model.air is not None,

@@ -22,7 +22,7 @@ from explicitfe.fem.model.model import Model
 from explicitfe.fem.solve.contact_points import PENETRATION_SHARE
 from explicitfe.fem.solve.fictitious_masses import fictitious_masses
 from explicitfe.fem.solve.load_outcome import Equilibrium, Stuck
-from explicitfe.fem.solve.loaded_body import LoadedBody
+from explicitfe.fem.solve.loaded_body import ONLY_IN_TIME, LoadedBody
 from explicitfe.fem.solve.parts import parts_of, usual_threads
 from explicitfe.fem.solve.relax_step import LARGEST_STIFFNESS_ESTIMATE
 from explicitfe.fem.solve.stagnation import Stagnation
@@ -71,10 +71,6 @@ class _Station(NamedTuple):
     coordinate: float  # force [N] or displacement [m], whichever is imposed
     u: np.ndarray  # displacement rows [m], (N, 4)
     depth_m: float  # of the tool
-
-
-# What a model may have that only a run in time computes.
-ONLY_IN_TIME = ("pulls", "stresses", "bones", "attachments", "motion", "followers", "weights", "surfaces", "air")
 
 
 class Relaxation(LoadedBody):
@@ -190,8 +186,7 @@ class Relaxation(LoadedBody):
         if not (self._external.any() or self.contact.tilted):
             return self._touched(0.0)
         self.contact.retreat()
-        # Without a load the body is at rest as it is: a residual of zero over a load of zero would be rounding.
-        if self._external.any() and (stuck := self._carry(progress)) is not None:
+        if (stuck := self._carry(progress)) is not None:
             return stuck
         if not self.contact.tied:
             self.contact.descend_to_first_touch(self.state.u)
@@ -270,11 +265,11 @@ class Relaxation(LoadedBody):
 
     def _carry(self, progress: Callable[[float], None]) -> Stuck | None:
         """Find the equilibrium under the dead loads, at once or, where that fails, in halves of what is missing."""
-        loads, done, shares = self._external.copy(), 0.0, [1.0]
-        self._most_iterations = np.inf
+        # without a load the body is at rest as it is: a residual of zero over a load of zero would be rounding
+        loads, done, shares = self._external.copy(), 0.0, [1.0] if self._external.any() else []
         try:
             while shares:
-                self._external[:] = loads if shares[-1] == 1.0 else shares[-1] * loads
+                self._external[:] = shares[-1] * loads
                 failure = self._attempt(progress, slowly=shares == [1.0] and done == 0.0)
                 if failure is None and (done := shares.pop()) < 1.0:
                     self._commit(0.0)

@@ -81,7 +81,7 @@ def _long_term_model(model: Model) -> Model:
 
     loads = {
         name: tuple(replace(load, profile=now(load.profile)) for load in getattr(model, name))
-        for name in ("loads", "followers", "weights", "pulls", "stresses")
+        for name in ("loads", "followers", "pressures", "weights", "pulls", "stresses")
     }
     stiffness = np.full(model.mesh.element_count, share) if model.stiffness is None else share * model.stiffness
     kept = tuple(effect for effect in model.effects if not effect.remembers)

@@ -28,6 +28,13 @@ def rounding_of(simulation: Simulation) -> float:
     return float(ROUNDINGS_IN_ENERGY * np.finfo(float).eps * stiffness * simulation.volumes.sum())
 
 
+def impact_energy(simulation: Simulation) -> float:
+    """Kinetic energy of the body at the largest speed of a bone with a path [J], the scale of errors at first touch."""
+    paths = [bone.motion for bone in simulation.model.bones if bone.motion is not None and bone.motion.shift_m.ndim == 2]
+    speeds = [np.linalg.norm(np.diff(one.shift_m, axis=0), axis=1) / np.diff(one.time_s) for one in paths]
+    return float(0.5 * simulation.nodal_mass.sum() * max((speed.max() for speed in speeds), default=0.0) ** 2)
+
+
 @dataclass
 class Ledger:
     """Energies at the samples of a run, and the errors that follow from them.

@@ -16,6 +16,9 @@ from explicitfe.fem.solve.sector import SectorTie
 from explicitfe.platform.compiled.arrays import KINETIC_RATIO, MONITOR, RESIDUAL, REST_J
 from explicitfe.platform.errors import InputError
 
+# What a model may have that only a run in time computes.
+ONLY_IN_TIME = ("pulls", "stresses", "bones", "attachments", "motion", "followers", "pressures", "weights", "surfaces", "air")
+
 
 class LoadedBody(Body):
     """A body with dead loads and a tool.

@@ -9,13 +9,13 @@ import numpy as np
 from explicitfe.fem.forces.turning import axes_of
 from explicitfe.fem.mesh.hexmesh import HexMesh, MaterialPoints, shape_functions
 from explicitfe.fem.mesh.surface_points import projected_areas
-from explicitfe.fem.model.attached import FollowerLoad
+from explicitfe.fem.model.attached import FacePressure, FollowerLoad
 from explicitfe.fem.model.gravity import nodal_mass
 from explicitfe.fem.model.model import FibrePull, Model, NodalLoad
 from explicitfe.fem.model.profile import Profile
 from explicitfe.fem.solve.bones import placements
 from explicitfe.platform.compiled.arrays import Actions, Bones, DeadLoads, FollowerFibres, Motion, Ties
-from explicitfe.platform.compiled.attached_arrays import Drag, TurningLoads, Weights
+from explicitfe.platform.compiled.attached_arrays import Drag, PressedFaces, TurningLoads, Weights
 from explicitfe.platform.compiled.contact_arrays import Surfaces
 
 
@@ -29,8 +29,8 @@ class Loads:
 
     Attributes
     ----------
-    dead, fibres, turning, weights : dead loads, follower fibres, follower forces and hanging weights at activation 1, each with
-        the row of its profile in the activation table.
+    dead, fibres, turning, pressed, weights : dead loads, follower fibres, follower forces, faces under pressure and hanging
+        weights at activation 1, each with the row of its profile in the activation table.
     drag : of the air, and damping beside attached masses.
     """
 
@@ -41,6 +41,7 @@ class Loads:
         self.dead = self._dead_loads(model.loads)
         self.fibres = self._follower_fibres(model.pulls, model.mesh)
         self.turning = self._turning_loads(model.followers, model.mesh)
+        self.pressed = self._faces_under_pressure(model.pressures, model.mesh)
         self.weights = self._hanging_weights(model)
         self.drag = self._drag(model)
         self._muscles = [stress.profile for stress in model.stresses]
@@ -50,13 +51,15 @@ class Loads:
     @property
     def rows(self) -> np.ndarray:
         """Node rows on which these loads may act."""
-        return np.concatenate([self.dead.node, self.fibres.nodes.ravel(), self.turning.node, self.weights.node, self.drag.node])
+        following = [self.fibres.nodes.ravel(), self.turning.node, self.pressed.node.ravel()]
+        return np.concatenate([self.dead.node, *following, self.weights.node, self.drag.node])
 
     @property
     def edges_s(self) -> np.ndarray:
         """Times at which some load jumps or bends: they are put on step boundaries."""
         courses = [*self._profiles, *self._muscles, *self._bones, *self._holders]
-        return np.unique(np.concatenate([course.edges_s for course in courses if course is not None] or [np.zeros(0)]))
+        bends = [course.edges_s for course in courses if course is not None]
+        return np.unique(np.concatenate([*bends, np.zeros(0) if self._motion is None else self._motion.edges_s]))
 
     def start(self, dt_s: float) -> None:
         """Half-step start of the hanging weights, whose net forces a snapshot has stored; see ``Simulation.start``."""
@@ -78,6 +81,7 @@ class Loads:
             dead=self.dead,
             fibres=self.fibres,
             turning=self.turning,
+            pressed=self.pressed,
             weights=self.weights,
             drag=self.drag,
             activation=self.activation(instants, tolerance_s),
@@ -158,6 +162,15 @@ class Loads:
             position=position,
             force=np.array(local, dtype=float).reshape(-1, 3),
             profile=np.array([self._row_of(load.profile) for load in loads for _ in load.nodes], dtype=np.int64),
+        )
+
+    def _faces_under_pressure(self, pressures: Sequence[FacePressure], mesh: HexMesh) -> PressedFaces:
+        faces = np.concatenate([np.zeros((0, 4), dtype=np.int64), *(one.faces for one in pressures)])
+        return PressedFaces(
+            node=self._place[faces],
+            position=np.ascontiguousarray(mesh.points[faces]),
+            pressure=np.concatenate([np.zeros(0), *(np.full(len(one.faces), one.pressure_Pa) for one in pressures)]),
+            profile=np.array([self._row_of(one.profile) for one in pressures for _ in one.faces], dtype=np.int64),
         )
 
     def _hanging_weights(self, model: Model) -> Weights:

@@ -19,6 +19,7 @@ from explicitfe.fem.forces.contraction import contraction_work
 from explicitfe.fem.forces.dead import add_dead_loads
 from explicitfe.fem.forces.drag import add_drag
 from explicitfe.fem.forces.follower import add_follower_fibres
+from explicitfe.fem.forces.pressure import add_pressure
 from explicitfe.fem.forces.ties import add_ties
 from explicitfe.fem.forces.turning import add_turning_loads
 from explicitfe.fem.forces.weights import move_weights, pull_weights
@@ -96,6 +97,7 @@ def advance(state, part, shared, actions, dt_before, dt, stiffest, most_fall, fi
             add_dead_loads(external, actions.dead, actions.activation, step)
             add_follower_fibres(external, u, actions.fibres, actions.activation, step)
             add_turning_loads(external, u, actions.turning, actions.activation, step)
+            add_pressure(external, u, actions.pressed, actions.activation, step)
             add_drag(external, v, actions.drag)
             add_ties(external, u, actions.ties, actions.tie_placement, step)
             add_surfaces(external, u, v, actions.surfaces, nodes, gain)
@@ -211,6 +213,7 @@ def snapshot(state, shared, actions, instant, dt, ledger, rows, record, lanes, e
     add_dead_loads(external, actions.dead, actions.activation, instant)
     add_follower_fibres(external, u, actions.fibres, actions.activation, instant)
     add_turning_loads(external, u, actions.turning, actions.activation, instant)
+    add_pressure(external, u, actions.pressed, actions.activation, instant)
     add_drag(external, v, actions.drag)
     tied = add_ties(external, u, actions.ties, actions.tie_placement, instant)
     pressed = add_surfaces(external, u, v, actions.surfaces, nodes, gain)

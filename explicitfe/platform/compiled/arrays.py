@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import DTypeLike
 
-from explicitfe.platform.compiled.attached_arrays import Drag, TurningLoads, Weights
+from explicitfe.platform.compiled.attached_arrays import Drag, PressedFaces, TurningLoads, Weights
 from explicitfe.platform.compiled.contact_arrays import Bones, Surfaces
 from explicitfe.platform.compiled.simd import ROW, WIDTH
 
@@ -261,6 +261,7 @@ class Actions(NamedTuple):
     dead: DeadLoads
     fibres: FollowerFibres
     turning: TurningLoads
+    pressed: PressedFaces
     weights: Weights
     drag: Drag
     activation: np.ndarray  # scale of each load, (profiles, instants)

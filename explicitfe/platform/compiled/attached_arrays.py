@@ -17,6 +17,15 @@ class TurningLoads(NamedTuple):
     profile: np.ndarray  # row of the activation table, int64, (k,)
 
 
+class PressedFaces(NamedTuple):
+    """Faces under a pressure that follows them."""
+
+    node: np.ndarray  # corners, counter-clockwise seen from outside, int64, (k, 4)
+    position: np.ndarray  # reference positions of these [m], (k, 4, 3)
+    pressure: np.ndarray  # at activation 1 [Pa], (k,)
+    profile: np.ndarray  # row of the activation table, int64, (k,)
+
+
 class Weights(NamedTuple):
     """Weights that hang from nodes on strings along gravity; each moves along its string only."""
 

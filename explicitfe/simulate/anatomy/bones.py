@@ -22,6 +22,7 @@ from explicitfe.platform.compiled.threads import cores
 from explicitfe.platform.errors import InputError, nearest
 from explicitfe.simulate.anatomy import catalogue
 from explicitfe.simulate.scenario.bones import GLIDE_MM_PER_DEG, SOFT_PARTS, BoneTable, HyoidTable, JawTable
+from explicitfe.simulate.scenario.profile import path_of
 from explicitfe.simulate.scenario.transient import ModelTable, TransientScenario
 
 # Of the ties between tissue and bone [Pa/m], as stiff as contact: under the 10 kPa of a strong muscle's origin they give way by
@@ -52,13 +53,20 @@ def bones_of(scenario: TransientScenario, mesh: HexMesh, folder: Path) -> tuple[
             Bone(
                 table.name,
                 *surface,
-                motion=motion if table.moves_with_jaw else None,
+                motion=motion if table.moves_with_jaw else _motion_along(table),
                 friction=table.friction,
                 damping=table.damping,
                 smooth=table.smooth,
             )
             for table, surface in zip(scenario.bone, surfaces, strict=True)
         )
+
+
+def _motion_along(table: BoneTable) -> RigidMotion | None:
+    if not table.path:
+        return None
+    time_s, shift_m = path_of(table.path)
+    return RigidMotion(np.zeros(3), np.zeros(3), shift_m, time_s, np.zeros(len(time_s)))
 
 
 def _surface(

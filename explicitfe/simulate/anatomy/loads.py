@@ -7,18 +7,19 @@ from dataclasses import replace
 
 import numpy as np
 
-from explicitfe.fem.bones.motion import RigidMotion
+from explicitfe.fem.bones.motion import RigidMotion, along
 from explicitfe.fem.mesh.hexmesh import FACES, HexMesh, MaterialPoints, free_faces, shape_functions
 from explicitfe.fem.mesh.muscle_lines import locate_in_mesh
 from explicitfe.fem.mesh.surface_points import points_on_set, surface_within
-from explicitfe.fem.model.attached import AirDrag, AttachedMass, FollowerLoad, HangingWeight
-from explicitfe.fem.model.model import Attachment, Model, NodalLoad
+from explicitfe.fem.model.attached import AirDrag, AttachedMass, FacePressure, FollowerLoad, HangingWeight
+from explicitfe.fem.model.body_force import body_force
+from explicitfe.fem.model.model import Attachment, Model, NodalLoad, PrescribedMotion
 from explicitfe.fem.model.profile import Profile
 from explicitfe.fem.solve.held import held_shape
 from explicitfe.platform.errors import InputError
 from explicitfe.simulate.anatomy.anatomy import Anatomy
 from explicitfe.simulate.scenario.loads import LoadTable, ReleaseTable, SupportTable
-from explicitfe.simulate.scenario.profile import profile_of
+from explicitfe.simulate.scenario.profile import path_of, profile_of
 from explicitfe.simulate.scenario.transient import TransientScenario
 
 # Pairs of corners of a hexahedron that are ends of an edge.
@@ -37,10 +38,20 @@ def with_loads(model: Model, scenario: TransientScenario) -> Model:
     """
     mesh, gravity = model.mesh, np.array(scenario.model.gravity_m_s2)
     loads, masses, followers, weights = [*model.loads], [*model.masses], [*model.followers], [*model.weights]
+    pressures = [*model.pressures]
     for number, table in enumerate(scenario.load, 1):
         name = f"load.{number}"
         nodes, share = _nodes_of(table, mesh, name, np.array(scenario.model.scale))
         profile = profile_of(table)
+        if table.pressure_kPa is not None:
+            pressures.append(FacePressure.on(mesh, nodes, 1e3 * table.pressure_kPa, profile, f"of {name}"))
+        if table.body_force_N_m3 is not None:
+            elements = np.isin(mesh.hexes, nodes).all(axis=1)
+            if not elements.any():
+                raise InputError(
+                    f"{name}.body_force_N_m3: no element has all its nodes in {', '.join(table.nodes)}; name others."
+                )
+            loads.append(body_force(mesh, name, np.outer(elements, table.body_force_N_m3), profile))
         if table.force_N is not None:
             force = share[:, None] * np.array(table.force_N)
             if table.follows:
@@ -56,14 +67,48 @@ def with_loads(model: Model, scenario: TransientScenario) -> Model:
             weights.append(HangingWeight(name, nodes, share, 1e-3 * table.mass_g, gravity, slack_m, profile))
     air = scenario.air
     return replace(
-        model,
+        _prescribe(model, scenario),
         loads=tuple(loads),
         masses=tuple(masses),
         followers=tuple(followers),
         weights=tuple(weights),
+        pressures=tuple(pressures),
         attachments=(*model.attachments, *(_foundation(table, mesh) for table in scenario.support)),
         air=None if air is None else AirDrag(air.linear_Pa_s_m, 0.5 * air.density_kg_m3 * air.drag_coefficient),
     )
+
+
+def _prescribe(model: Model, scenario: TransientScenario) -> Model:
+    """The model with the prescribed motion of a scenario."""
+    if not scenario.motion:
+        return model
+    mesh = model.mesh
+    sets = [np.unique(np.concatenate([mesh.nodes_of(name) for name in table.nodes])) for table in scenario.motion]
+    nodes = np.concatenate(sets)
+    if len(np.unique(nodes)) < len(nodes):
+        raise InputError("two [[motion]] tables move the same node; name sets that do not meet.")
+    if model.held[nodes].any():
+        raise InputError("[[motion]] moves nodes of a set in model.fixed; take it out of fixed, or name sets that do not meet.")
+    paths = [path_of(table.path) for table in scenario.motion]
+
+    def displacement(times: np.ndarray) -> np.ndarray:
+        moved = [along(*path, times)[:, None, :] for path in paths]
+        return np.concatenate([np.repeat(one, len(own), axis=1) for one, own in zip(moved, sets, strict=True)], axis=1)
+
+    names = dict.fromkeys(name for table in scenario.motion for name in table.nodes)
+    edges = np.unique(np.concatenate([time_s for time_s, _ in paths]))
+    return replace(model, motion=PrescribedMotion(nodes, displacement, edges), fixed=(*model.fixed, *names))
+
+
+def initial_velocity(mesh: HexMesh, scenario: TransientScenario) -> np.ndarray | None:
+    """Velocity (n, 3) m/s of the nodes at time 0; None at rest."""
+    if not scenario.initial:
+        return None
+    velocity = np.zeros((mesh.node_count, 3))
+    for table in scenario.initial:
+        nodes = [mesh.nodes_of(name) for name in table.nodes] or [np.arange(mesh.node_count)]
+        velocity[np.concatenate(nodes)] = table.velocity_m_s
+    return velocity
 
 
 def with_release(model: Model, table: ReleaseTable | None) -> tuple[Model, np.ndarray | None]:
@@ -84,7 +129,7 @@ def with_release(model: Model, table: ReleaseTable | None) -> tuple[Model, np.nd
             return model, None
         later = {
             name: tuple(replace(load, profile=load.profile.times_ramp(at_s, over_s)) for load in getattr(model, name))
-            for name in ("loads", "followers", "weights", "pulls", "stresses")
+            for name in ("loads", "followers", "pressures", "weights", "pulls", "stresses")
         }
         return replace(model, **later), None  # type: ignore[arg-type]
     if model.weights:

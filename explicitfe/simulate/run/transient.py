@@ -13,7 +13,7 @@ import numpy as np
 
 from explicitfe.fem.bones.surface import TriangleSurface
 from explicitfe.fem.mesh.self_contact import self_penetration
-from explicitfe.fem.solve.ledger import Ledger, rounding_of
+from explicitfe.fem.solve.ledger import Ledger, impact_energy, rounding_of
 from explicitfe.fem.solve.observe import Recording, Snapshot
 from explicitfe.fem.solve.simulation import Simulation
 from explicitfe.fem.solve.transient import (
@@ -43,6 +43,7 @@ from explicitfe.results.files import ResultInMemory, ResultWriter, open_result, 
 from explicitfe.results.files.layout import Declaration, Origin
 from explicitfe.results.measure.motion import has_settled, largest_displacement
 from explicitfe.simulate.anatomy import catalogue
+from explicitfe.simulate.anatomy.loads import initial_velocity
 from explicitfe.simulate.anatomy.tongue import assemble
 from explicitfe.simulate.run.analysis import (
     BENDING_WARNING_SHARE,
@@ -82,7 +83,8 @@ class TransientAnalysis(Analysis[TransientScenario, Simulation]):
         """Build the model of a tongue, or of a mesh of one's own, with its muscles."""
         model, anatomy, surgery, displacement = assemble(scenario, path.parent)
         stress = needs_stress(scenario.record.fields)
-        simulation = Simulation(model, displacement=displacement, threads=scenario.analysis.threads, stress=stress)
+        velocity, threads = initial_velocity(model.mesh, scenario), scenario.analysis.threads
+        simulation = Simulation(model, displacement=displacement, velocity=velocity, threads=threads, stress=stress)
         notes = (*anatomy.notes, *(() if surgery is None else surgery["notes"]))
         return cls(path, scenario, text, model, anatomy.name, simulation, notes, surgery=surgery)
 
@@ -127,7 +129,7 @@ class TransientAnalysis(Analysis[TransientScenario, Simulation]):
                 check_steps(duration_s / transient.smallest_dt_s, transient.smallest_dt_s)
             except InputError as error:
                 raise InputError(f"{self.path}: {error}") from None
-            ledger = Ledger(rounding_J=rounding_of(simulation))
+            ledger = Ledger(rounding_J=max(rounding_of(simulation), impact_energy(simulation)))
             # Fields are stored as the recorder asks; wall time is that of computing and storing, without compiling.
             started = time.perf_counter()
             # The first state is stored before the first sample: from there a run begins again, that sample included.

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pydantic import Field, model_validator
 
-from explicitfe.fem.inputs.table import Name, Names, Table, Vector
-from explicitfe.simulate.scenario.profile import MotionTable, ProfileTable
+from explicitfe.fem.inputs.table import MOST_ROWS_OF_A_COURSE, Name, Names, PathRow, Table, Vector
+from explicitfe.simulate.scenario.profile import MotionTable, ProfileTable, check_path
 
 
 class LoadTable(ProfileTable):
@@ -24,18 +24,31 @@ class LoadTable(ProfileTable):
     force_N: Vector | None = Field(default=None, description="resultant force, constant in direction or following [N]")
     follows: bool = Field(default=False, description="whether the force turns with the body")
     mass_g: float = Field(default=0.0, ge=0.0, description="mass, with its inertia and its weight under model.gravity_m_s2 [g]")
+    pressure_kPa: float | None = Field(
+        default=None,
+        description="pressure on the faces of the surface between the nodes, which it follows; positive presses inwards [kPa]",
+    )
+    body_force_N_m3: Vector | None = Field(
+        default=None, description="force per volume at rest, on the elements between the nodes; without nodes on all [N/m^3]"
+    )
     string_slack_mm: float | None = Field(
         default=None, ge=0.0, description="the mass hangs on a string with this slack [mm]; it is rigidly fixed by default"
     )
 
     @model_validator(mode="after")
     def _is_a_load(self) -> LoadTable:
-        if bool(self.nodes) == (self.at_mm is not None):
+        of_all = self.body_force_N_m3 is not None and not self.nodes and self.at_mm is None
+        if bool(self.nodes) == (self.at_mm is not None) and not of_all:
             raise ValueError('give either nodes, such as ["x1"], or at_mm, and not both')
         if self.radius_mm > 0.0 and self.at_mm is None:
             raise ValueError("radius_mm goes with at_mm: node sets have their own extent")
-        if self.force_N is None and self.mass_g == 0.0:
-            raise ValueError("give force_N or mass_g")
+        of_regions = self.pressure_kPa is not None or self.body_force_N_m3 is not None
+        if self.force_N is None and self.mass_g == 0.0 and not of_regions:
+            raise ValueError("give force_N, pressure_kPa, body_force_N_m3 or mass_g")
+        if of_regions and self.at_mm is not None:
+            raise ValueError("pressure_kPa and body_force_N_m3 go with nodes, not with at_mm")
+        if of_all and (self.pressure_kPa is not None or self.force_N is not None or self.mass_g > 0.0):
+            raise ValueError("without nodes, body_force_N_m3 acts on the whole body; give the others a [[load]] of their own")
         if self.follows and self.force_N is None:
             raise ValueError("follows goes with force_N: a mass does not follow")
         if self.string_slack_mm is not None and self.mass_g == 0.0:
@@ -75,6 +88,27 @@ class ReleaseTable(Table):
         if any(self.shift_mm) and not self.hold:
             raise ValueError('shift_mm needs hold, the node sets that are displaced, such as hold = ["x1"]')
         return self
+
+
+class PathTable(Table):
+    """Nodes that move along a given path."""
+
+    nodes: Names = Field(min_length=1, description="node sets; the nodes that are in any of them move")
+    path: list[PathRow] = Field(
+        min_length=2, max_length=MOST_ROWS_OF_A_COURSE, description="[time_ms, x_mm, y_mm, z_mm] rows, linear in between"
+    )
+
+    @model_validator(mode="after")
+    def _begins_at_rest(self) -> PathTable:
+        check_path(self.path)
+        return self
+
+
+class InitialTable(Table):
+    """Velocity of the body, or of some node sets, at time 0."""
+
+    nodes: Names = Field(default=[], description="node sets that have the velocity; the whole body by default")
+    velocity_m_s: Vector = Field(description="velocity at time 0, along x, y and z [m/s]")
 
 
 class AirTable(Table):

@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 from pydantic import Field, model_validator
 
-from explicitfe.fem.inputs.table import MOST_ROWS_OF_A_COURSE, Pair, Table
+from explicitfe.fem.inputs.table import MOST_ROWS_OF_A_COURSE, Pair, PathRow, Table
 from explicitfe.fem.model.profile import Profile
 
 
@@ -66,6 +66,21 @@ class MotionTable(Table):
         pairs = self.table or [(self.start_ms, 0.0), (self.start_ms + self.rise_ms, 1.0)]
         time_ms, share = np.array(pairs, dtype=float).T
         return 1e-3 * time_ms, share
+
+
+def check_path(path: list[PathRow]) -> None:
+    """ValueError unless a path begins at rest at time 0 and its times increase."""
+    times = [row[0] for row in path]
+    if times != sorted(set(times)):
+        raise ValueError("the times of path must increase")
+    if path and any(path[0]):
+        raise ValueError("path must begin with [0, 0, 0, 0], because the body is at rest at time 0")
+
+
+def path_of(path: list[PathRow]) -> tuple[np.ndarray, np.ndarray]:
+    """Times (k,) s and displacements (k, 3) m of a path."""
+    rows = 1e-3 * np.array(path, dtype=float)
+    return rows[:, 0], rows[:, 1:]
 
 
 def profile_of(table: ProfileTable) -> Profile:

@@ -14,7 +14,7 @@ from explicitfe.simulate.scenario.bones import BoneTable, HyoidTable, JawTable
 from explicitfe.simulate.scenario.effects_table import EffectsTable
 from explicitfe.simulate.scenario.expected import EXPECTED, ExpectedNumbers
 from explicitfe.simulate.scenario.lips import LipsTable
-from explicitfe.simulate.scenario.loads import AirTable, LoadTable, ReleaseTable, SupportTable
+from explicitfe.simulate.scenario.loads import AirTable, InitialTable, LoadTable, PathTable, ReleaseTable, SupportTable
 from explicitfe.simulate.scenario.profile import ProfileTable
 from explicitfe.simulate.scenario.surgery import GraftTable, ResectionTable, ScarTable
 
@@ -141,6 +141,12 @@ class TransientScenario(Table):
     )
     support: list[SupportTable] = Field(
         default=[], max_length=MOST_TABLES_OF_A_KIND, description="elastic foundations in place of fixed nodes"
+    )
+    motion: list[PathTable] = Field(
+        default=[], max_length=MOST_TABLES_OF_A_KIND, description="node sets that move along a given path"
+    )
+    initial: list[InitialTable] = Field(
+        default=[], max_length=MOST_TABLES_OF_A_KIND, description="velocities at time 0; a later table replaces an earlier one"
     )
     release: ReleaseTable | None = Field(default=None, description="how the body is held before it moves")
     air: AirTable | None = Field(default=None, description="drag of the air")

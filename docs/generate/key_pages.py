@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast, get_args
 
 from key_tables import KeyTables
 
@@ -69,16 +70,18 @@ def other_files_page() -> str:
 def result_page() -> str:
     """Fields, histories and the ``--json`` answers of all commands."""
     from explicitfe.app.cli.answers import ANSWERS_OF_COMMANDS, answer_schema
+    from explicitfe.fem.inputs.limits import StressField
     from explicitfe.results.files.layout import DISPLACEMENT
     from explicitfe.simulate.run.indentation import INDENTATION_FIELDS, INDENTATION_HISTORY
     from explicitfe.simulate.run.quantities import cell_fields, history_columns, point_fields
 
-    everything = ("velocity", "J", "hourglass_energy")
+    everything = ("velocity", "J", "hourglass_energy", *get_args(StressField))
+    model: Any = SimpleNamespace(bones=[SimpleNamespace(name="<bone>", motion=True)], probes=["<point>"], surfaces=None)
     parts = [
         RESULT_HEAD,
-        _quantities({"displacement": DISPLACEMENT, **point_fields(everything, ["<bone>"])}, "nodal field"),
+        _quantities({"displacement": DISPLACEMENT, **point_fields(everything, model)}, "nodal field"),
         _quantities(cell_fields(everything), "element field"),
-        _quantities(history_columns(["<point>"], ["<bone>"], ["<bone>"]), "history"),
+        _quantities(history_columns(model, [], [cast(Any, SimpleNamespace(name="<set>"))]), "history"),
         "## Fields and histories of an indentation\n",
         _quantities({"displacement": DISPLACEMENT}, "nodal field"),
         _quantities(INDENTATION_FIELDS, "element field"),

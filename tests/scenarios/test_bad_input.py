@@ -60,7 +60,7 @@ SETTINGS = [
     ("model.cells=[8, 4, 5]", ["cells", "even"]),
     ('model.fixed=["jaws"]', ["jaws", 'did you mean "jaw"?']),
     ('record.probes=["tipp"]', ["tipp", 'did you mean "tip"?']),
-    ('record.fields=["stress"]', ["record.fields", "displacement"]),
+    ('record.fields=["stresses"]', ["record.fields", "displacement"]),
     ("muscle", ["key=value"]),
 ]
 

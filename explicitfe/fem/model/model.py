@@ -367,24 +367,20 @@ class Model:
         )  # fmt: skip
         for name, kind in kinds:
             object.__setattr__(self, name, _tuple_of(f"Model: {name}", getattr(self, name), kind))
-        single: tuple[tuple[str, type], ...] = (
-            ("motion", PrescribedMotion), ("tool", Tool), ("sector", RotationalSymmetry), ("support", Springs), ("air", AirDrag),
-            ("surfaces", SurfaceContact),
-        )  # fmt: skip
-        for name, kind in single:
+        names = ("motion", "tool", "sector", "support", "air", "surfaces")
+        single: tuple[type, ...] = (PrescribedMotion, Tool, RotationalSymmetry, Springs, AirDrag, SurfaceContact)
+        for name, kind in zip(names, single, strict=True):
             if not isinstance(getattr(self, name), kind | None):
                 raise InputError(f"Model: {name} must be a {kind.__name__}, not {shortened(repr(getattr(self, name)))}.")
         self._check_nodes_and_elements()
         self._check_inclusions()
-        object.__setattr__(self, "fixed", tuple(self.fixed))
-        for name in self.fixed:
-            self.mesh.nodes_of(name)
+        self.mesh.held(*self.fixed)  # refuses unknown names
 
     def _check_stiffness(self, smallest: float) -> None:
         stiffness = number_array("Model: stiffness", self.stiffness, (self.mesh.element_count,))
         if stiffness.min() < smallest:
-            element = int(stiffness.argmin())
-            raise InputError(f"Model: stiffness of element {element} is {stiffness[element]:g}; it must be {smallest:g} or more.")
+            worst = stiffness.argmin()
+            raise InputError(f"Model: stiffness of element {worst} is {stiffness[worst]:g}; it must be {smallest:g} or more.")
         object.__setattr__(self, "stiffness", stiffness)
 
     def _check_nodes_and_elements(self) -> None:
@@ -402,7 +398,7 @@ class Model:
                 check_range(f"Model: pulls[{number}]", points.element, elements, "element", smallest=-1)
         for number, tie in enumerate(self.attachments):
             check_range(f"Model: attachments[{number}]", tie.points.element, elements, "element")
-        if not isinstance(self.probes, Mapping) or not all(isinstance(point, MaterialPoints) for point in self.probes.values()):
+        if not isinstance(self.probes, Mapping) or not all(isinstance(one, MaterialPoints) for one in self.probes.values()):
             raise InputError("Model: probes must be a dictionary from names to points, such as mesh.named_points.")
         for name, point in self.probes.items():
             check_range(f'Model: probes["{name}"]', point.element, elements, "element")
@@ -416,11 +412,9 @@ class Model:
                 element = part.elements[taken[part.elements]][0]
                 raise InputError(f"{name}: element {element} is in another inclusion too; give each element once.")
             taken[part.elements] = True
-            if part.material.law != self.material.law:
-                raise InputError(
-                    f"{name}: its material has the law {part.material.law} and that of the model {self.material.law}; one law is "
-                    "compiled for all elements, so use the same law."
-                )
+            own, law = part.material.law, self.material.law
+            if own != law:
+                raise InputError(f"{name}: its law is {own} and that of the model {law}; use the same law for both.")
 
     def in_elements(self, of: Callable[[Law], float | tuple[float, ...]]) -> np.ndarray:
         """A property of the material in each element, without ``stiffness``.

@@ -238,6 +238,9 @@ def test_the_highest_point_of_a_parabola_lies_between_corners():
     np.testing.assert_allclose(shape.summit(outline[::-1]), [2.3, 3.0], rtol=1e-12)
     corner = np.array([[0.0, 0.0], [0.0, 2.0], [1.0, 0.0]])  # upright on one side
     np.testing.assert_array_equal(shape.summit(corner), [0.0, 2.0])
+    # The upper edge of a block whose side leans by rounding: the parabola through it would end kilometres above.
+    edge = np.array([[0.0, 0.0], [1e-18, 1.0], [0.5, 1.0 - 1e-12], [1.0, 0.9]])
+    np.testing.assert_array_equal(shape.summit(edge), [1e-18, 1.0])
 
 
 # Constriction

@@ -58,7 +58,8 @@ def summit(outline: np.ndarray) -> np.ndarray:
     """The highest point (2,) of a closed outline (k, 2) of x and z.
 
     It is the top of the parabola through the highest corner and the two beside it, so that it does not jump from corner to
-    corner; the corner itself where they do not rise and fall along x.
+    corner; the corner itself where they do not rise and fall along x, or the top
+    would lie further above it than those beside it lie below, as at an edge.
     """
     top = int(np.argmax(outline[:, 1]))
     before, at, after = outline[[top - 1, top, (top + 1) % len(outline)]]
@@ -68,6 +69,6 @@ def summit(outline: np.ndarray) -> np.ndarray:
     # p = a u^2 + b u and q = a v^2 + b v
     bend = (p / u - q / v) / (u - v)
     slope = p / u - bend * u
-    if not bend < 0.0:
+    if not bend < 0.0 or (rise := -slope * slope / (4.0 * bend)) > max(-p, -q):
         return at
-    return at + np.array([-slope / (2.0 * bend), -slope * slope / (4.0 * bend)])
+    return at + np.array([-slope / (2.0 * bend), rise])

@@ -58,8 +58,8 @@ def summit(outline: np.ndarray) -> np.ndarray:
     """The highest point (2,) of a closed outline (k, 2) of x and z.
 
     It is the top of the parabola through the highest corner and the two beside it, so that it does not jump from corner to
-    corner; the corner itself where they do not rise and fall along x, or the top
-    would lie further above it than those beside it lie below, as at an edge.
+    corner; the corner itself where they do not rise and fall along x, or the top would lie further above it than they lie below,
+    as at an edge.
     """
     top = int(np.argmax(outline[:, 1]))
     before, at, after = outline[[top - 1, top, (top + 1) % len(outline)]]

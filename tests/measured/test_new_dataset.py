@@ -121,7 +121,7 @@ def test_rows_that_cannot_be_used_are_left_out_and_said(
     assert command(["new", "dataset", "a.csv", *GEL, "--contact-force-N", "0.04", "--out", "b", "--json"]) == 0
     notes = " ".join(json.loads(capsys.readouterr().out)["notes"])
     for words in (
-        "1 rows with an empty cell",
+        "1 rows without a number in each column are omitted, the first one in line 6",
         "1 rows whose time does not increase",
         "2 rows before contact",
         "begins at 100 mm",
@@ -252,7 +252,7 @@ def test_a_rate_stands_for_a_column_of_the_time(tmp_path: Path, monkeypatch: pyt
 def test_encodings_of_other_programs_are_read(encoding: str, tmp_path: Path) -> None:
     (tmp_path / "a.csv").write_bytes("Weg in µm;Prüfkraft (N)\n0;0\n1;2\n2;3\n".encode(encoding))
     export = read_export(tmp_path / "a.csv")
-    assert [column.name for column in export.columns] == ["Weg in µm", "Prüfkraft"]
+    assert [(column.name, column.unit) for column in export.columns] == [("Weg", "µm"), ("Prüfkraft", "N")]
 
 
 @pytest.mark.parametrize(
@@ -260,19 +260,19 @@ def test_encodings_of_other_programs_are_read(encoding: str, tmp_path: Path) -> 
     [
         (PLAIN, [], "--test is missing; give one of compression"),
         (PLAIN, ["--test", "compresion"], 'did you mean "compression"?'),
-        (PLAIN, ["--test", "compression"], "--diameter-mm is missing"),
-        (PLAIN, ["--test", "indentation", *GEL[2:]], "--tool is missing"),
-        (PLAIN, ["--test", "indentation", *GEL[2:], "--tool", "sphere"], "--tool-diameter-mm is missing"),
+        (PLAIN, ["--test", "compression"], "(for a block: --size-mm)), --height-mm NUMBER"),
+        (PLAIN, ["--test", "indentation", *GEL[2:]], "bonded-disc, here for flat-cylinder, --tool-d"),
+        (PLAIN, ["--test", "indentation", *GEL[2:], "--tool", "sphere"], "a.csv: add --tool-diameter-mm NUMBER ("),
         (PLAIN, [*GEL, "--force", "Load:MN"], '"MN" is no unit of the force'),
         (PLAIN, [*GEL, "--friction", "slippery"], '--friction "slippery" is not possible'),
-        (PLAIN, ["--test", "tension"], "--tool is missing"),
-        (PLAIN, ["--test", "tension", "--tool", "clamps", "--length-mm", "8"], "--area-mm2 is missing"),
+        (PLAIN, ["--test", "tension"], "add --tool platen|flat-cylinder|sphere|bonded-disc|clamps, here for clamps, --length-mm"),
+        (PLAIN, ["--test", "tension", "--tool", "clamps", "--length-mm", "8"], "add --area-mm2 NUMBER (cross-section"),
         (PLAIN, [*GEL, "--tool", "clamps"], "--tool clamps is for --test tension"),
-        (PLAIN.replace("Time (s)", "No"), GEL, "or --rate if there is no such column"),
+        (PLAIN.replace("Time (s)", "No"), GEL, '--time "COLUMN:s", or --rate PER_S without a time'),
         (PLAIN.replace("Time (s)", "No"), [*GEL, "--rate", "-1"], "give a number above 0"),
         (PLAIN, [*GEL, "--size-mm", "1,2,3"], "--size-mm (a block) excludes --diameter-mm"),
         (PLAIN, [*GEL, "--contact-force-N", "7"], "the force never reaches the contact force of 7 N"),
-        (PLAIN.replace("(mm)", ""), GEL, 'column of the displacement, or its unit, is not known; give --displacement "'),
+        (PLAIN.replace("(mm)", ""), GEL, 'add --displacement "Extension:mm" (its unit is not stated; units: mm, cm'),
         (PLAIN.replace("(mm)", "(m)"), GEL, "is deeper than the specimen is high"),
     ],
 )  # fmt: skip

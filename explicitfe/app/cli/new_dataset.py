@@ -17,7 +17,7 @@ from explicitfe.app.cli.grouped import with_options
 from explicitfe.app.cli.new import print_next
 from explicitfe.app.cli.options import JsonOption
 from explicitfe.app.view.progress import following
-from explicitfe.platform.errors import InputError, nearest
+from explicitfe.platform.errors import InputError, nearest, shortened
 from explicitfe.platform.host.shipped import MARKER_SUFFIXES
 
 if TYPE_CHECKING:
@@ -91,7 +91,9 @@ class NewDatasetOptions:
     ] = None
     one_specimen: Annotated[
         bool | None,
-        typer.Option("--one-specimen/--a-specimen-each", help="Whether all files are of the same specimen or speaker."),
+        typer.Option(
+            "--one-specimen/--a-specimen-each", help="All files come from one specimen or speaker, or each from another."
+        ),
     ] = None
     mapping: Annotated[
         list[str] | None,
@@ -200,31 +202,39 @@ def new_dataset(
     if asking.somebody_is_there():
         _show(exports[0])
     kind = cast("TestKind", _word(options.test, TESTS[:-1], "--test", "Test", "compression"))
+    lacking: list[str] = []  # A script is told at once everything that it has to state.
     with_tool = kind != "shear" and options.stretch is None and options.stress is None and not _only_stress(exports[0], kind)
-    shape = _tool_shape(kind, options.tool) if with_tool else ""
+    shape = _tool_shape(kind, options.tool, lacking) if with_tool else ""
     by_clamps = shape == "clamps"
     quantities = quantities_of(kind, with_tool)
     rate = _rate(options.rate, exports[0], options.time)
-    sources: dict[Path, Sequence[Choice]] = {}
+    sources: list[tuple[Export, Sequence[Choice]]] = []
     stated = columns
     for export in exports:
-        choices = [_choice(export, quantity, stated[quantity]) for quantity in quantities[rate is not None :]]
-        sources[export.path] = choices
+        found = [_choice(export, quantity, stated[quantity], lacking) for quantity in quantities[rate is not None :]]
+        choices = [choice for choice in found if choice is not None]
+        sources.append((export, choices))
         # Answers for one file are used for the next one if it has such columns.
         stated = columns | {choice.quantity: f"{choice.column.name}:{choice.unit}" for choice in choices}
+    of_tool = with_tool and not by_clamps
     description = TestDescription(
         test=kind,
         title=options.title or f"{kind.capitalize()} of {(options.out or usual_folder(files)).name}",
-        specimen=_specimen(with_tool and not by_clamps, options.diameter_mm, options.height_mm, options.size_mm, options.base),
-        tool=_tool(shape, options.tool_diameter_mm, options.control, options.friction) if with_tool and not by_clamps else None,
+        specimen=_specimen(options, lacking) if of_tool else {"shape": "point"},
+        tool=_tool(shape, options, lacking) if of_tool else None,
         rate_per_s=rate,
-        strip=_strip(options.length_mm, options.area_mm2) if by_clamps else None,
+        strip=_strip(options.length_mm, options.area_mm2, lacking) if by_clamps else None,
         noise={} if options.force_sd_N is None else {"force_sd_N": options.force_sd_N},
         source=options.source,
         license=options.license_,
         contact_force_N=options.contact_force_N,
         one_specimen=_one_specimen(options.one_specimen, len(files)),
     )
+    if lacking:
+        names = ", ".join(f"{column.name} [{column.unit}]" if column.unit else column.name for column in exports[0].columns)
+        texts = "".join(f'; "{shortened(name)}" has text, such as "{shortened(cell)}"' for name, cell in exports[0].texts.items())
+        options_to_add = ", ".join(dict.fromkeys(lacking))
+        raise InputError(f"{exports[0].path}: add {options_to_add}. Columns: {shortened(names)}{texts}.")
     _print(write_new_dataset(options.out or usual_folder(files), sources, description), options.as_json)
 
 
@@ -233,7 +243,8 @@ def _print(dataset: NewDataset, as_json: bool) -> None:
 
     print_answer(dataset, as_json, lambda: new_dataset_table(dataset), dataset["notes"])
     if not as_json:
-        print_next(f"explicitfe check {dataset['dataset']}", f"explicitfe close-loop {dataset['dataset']}")
+        commands = ("check", "close-loop") if dataset["test"] == TESTS[-1] else ("check", "identify", "close-loop")
+        print_next(*(f"explicitfe {command} {dataset['dataset']}" for command in commands))
 
 
 def _check_words(options: NewDatasetOptions) -> None:
@@ -279,7 +290,7 @@ def _only_stress(export: Export, kind: str) -> bool:
     return kind != "indentation" and guessed(export, "force") is None and guessed(export, "stress") is not None
 
 
-def _choice(export: Export, quantity: Quantity, stated: str | None) -> Choice:
+def _choice(export: Export, quantity: Quantity, stated: str | None, lacking: list[str]) -> Choice | None:
     """Column and unit of a quantity: as given, by its name, or by asking."""
     from explicitfe.inverse.measured.new_dataset import missing
     from explicitfe.inverse.measured.quantities import QUANTITIES, Choice, chosen, guessed, unit_of
@@ -292,7 +303,8 @@ def _choice(export: Export, quantity: Quantity, stated: str | None) -> Choice:
         unit = None if column is None else unit_of(quantity, column.unit)
     units = list(QUANTITIES[quantity].units)
     if (column is None or unit is None) and not asking.somebody_is_there():
-        raise missing(export, quantity)
+        lacking.append(missing(export, quantity))
+        return None
     if column is None:
         names = ", ".join(f"{k + 1} {column.name}" for k, column in enumerate(export.columns))
         column = asking.ask(f"Column of the {quantity} ({names})", export.column)
@@ -320,28 +332,28 @@ def _word(given: str | None, words: Sequence[str], option: str, question: str, u
     return given
 
 
-def _length(given: float | None, option: str, question: str) -> float:
+def _length(given: float | None, option: str, question: str, lacking: list[str]) -> float:
     if given is None:
         if not asking.somebody_is_there():
-            raise InputError(f"{option} is missing: {question[0].lower()}{question[1:]}.")
+            lacking.append(f"{option} NUMBER ({question[0].lower()}{question[1:]})")
+            return 1.0
         return asking.ask(question, asking.a_number)
     return given
 
 
-def _specimen(with_tool: bool, diameter_mm: float | None, height_mm: float | None, size_mm: str | None, base: str) -> RawTable:
+def _specimen(options: NewDatasetOptions, lacking: list[str]) -> RawTable:
     """The table [specimen]."""
-    if not with_tool:
-        return {"shape": "point"}
+    diameter_mm, height_mm, size_mm = options.diameter_mm, options.height_mm, options.size_mm
     if size_mm is not None and (diameter_mm is not None or height_mm is not None):
         raise InputError("--size-mm (a block) excludes --diameter-mm and --height-mm (a cylinder); give one of the two shapes.")
     shape = "block" if size_mm is not None else "cylinder"
     if size_mm is None and diameter_mm is None and asking.somebody_is_there():
         shape = asking.ask("Shape of the specimen (cylinder, block)", asking.one_of(("cylinder", "block")), "cylinder")
     if shape == "cylinder":
-        diameter_mm = _length(diameter_mm, "--diameter-mm", "Diameter of the specimen in mm (for a block: --size-mm)")
-        height_mm = _length(height_mm, "--height-mm", "Height of the specimen in mm")
-        return {"shape": "cylinder", "radius_mm": 0.5 * diameter_mm, "height_mm": height_mm, "base": base}
-    return {"shape": "block", "size_mm": _three(size_mm), "base": base}
+        diameter_mm = _length(diameter_mm, "--diameter-mm", "Diameter of the specimen in mm (for a block: --size-mm)", lacking)
+        height_mm = _length(height_mm, "--height-mm", "Height of the specimen in mm", lacking)
+        return {"shape": "cylinder", "radius_mm": 0.5 * diameter_mm, "height_mm": height_mm, "base": options.base}
+    return {"shape": "block", "size_mm": _three(size_mm), "base": options.base}
 
 
 def _three(given: str | None) -> list[float]:
@@ -360,23 +372,26 @@ def _three(given: str | None) -> list[float]:
     )
 
 
-def _tool_shape(kind: str, shape: str | None) -> str:
+def _tool_shape(kind: str, shape: str | None, lacking: list[str]) -> str:
     """Shape of the tool; clamps are for tension only."""
     if shape is None and kind == "compression":
         return "platen"
+    if shape is None and not asking.somebody_is_there():
+        lacking.append(f"--tool {'|'.join(TOOLS if kind == 'tension' else TOOLS[:-1])}, here for {USUAL_TOOLS[kind]}")
+        return USUAL_TOOLS[kind]
     shape = _word(shape, TOOLS, "--tool", "Tool", USUAL_TOOLS[kind])
     if shape == "clamps" and kind != "tension":
         raise InputError(f"--tool clamps is for --test tension, not for {kind}; give {USUAL_TOOLS[kind]} or another tool.")
     return shape
 
 
-def _strip(length_mm: float | None, area_mm2: float | None) -> Strip:
+def _strip(length_mm: float | None, area_mm2: float | None, lacking: list[str]) -> Strip:
     """Dimensions of a strip between clamps."""
     from explicitfe.inverse.measured.new_dataset import Strip
 
     return Strip(
-        _length(length_mm, "--length-mm", "Free length of the strip between the clamps in mm"),
-        _length(area_mm2, "--area-mm2", "Cross-section of the strip in mm2"),
+        _length(length_mm, "--length-mm", "Free length of the strip between the clamps in mm", lacking),
+        _length(area_mm2, "--area-mm2", "Cross-section of the strip in mm2", lacking),
     )
 
 
@@ -391,12 +406,12 @@ def _rate(given: float | None, export: Export, time: str | None) -> float | None
     return asking.ask("Loading rate in mm/s or N/s", asking.a_number)
 
 
-def _tool(shape: str, diameter_mm: float | None, control: str, friction: str) -> RawTable:
+def _tool(shape: str, options: NewDatasetOptions, lacking: list[str]) -> RawTable:
     """The table [tool]."""
     table: RawTable = {"shape": shape}
     if shape != "platen":
-        table["radius_mm"] = 0.5 * _length(diameter_mm, "--tool-diameter-mm", "Diameter of the tool in mm")
-    return table | {"control": control, "friction": _friction(friction)}
+        table["radius_mm"] = 0.5 * _length(options.tool_diameter_mm, "--tool-diameter-mm", "Diameter of the tool in mm", lacking)
+    return table | {"control": options.control, "friction": _friction(options.friction)}
 
 
 def _friction(given: str) -> float | str:

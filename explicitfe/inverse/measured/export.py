@@ -1,19 +1,22 @@
 """Text tables exported by other programs: header lines, column names and units, then rows of numbers.
 
-Cells are separated by commas, semicolons, tabs or blanks. Decimals have a point or, where commas are not separators, a comma.
+Cells are separated by semicolons, tabs, commas or blanks. Every row with the columns of the table is read, wherever it stands
+below their names; text between rows is skipped, with a note. A table is refused if more than a few rows of numbers are outside.
 """
 
 from __future__ import annotations
 
 import csv
-import math
 import re
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from explicitfe.inverse.measured.cells import BRACKETED, MISSING, decimal_mark, is_number, is_unit_row, name_and_unit, numbers_of
 from explicitfe.inverse.measured.files import SMALLEST_CURVE_ROWS, lines_of
+from explicitfe.inverse.measured.quantities import is_name, is_unit
 from explicitfe.platform.errors import InputError, nearest, shortened
 from explicitfe.platform.host.text import text_of
 
@@ -22,16 +25,15 @@ LARGEST_EXPORT_BYTES = 64 * 2**20
 # A longer line is no row of a table. The limit is below that of the csv module for a cell, 131 072.
 LONGEST_ROW_CHARACTERS = 100_000
 LINES_THAT_SHOW_THE_LAYOUT = 2000
+LINES_BELOW_NAMES = 3  # So many lines of text may stand between names and rows.
+LINES_OF_A_CELL = 5  # A quoted cell of a header may go on over so many lines.
 SEPARATORS = (";", "\t", ",", None)  # None: blanks
-_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
-_MISSING = {"", "-", "--", "nan", "n/a", "na", "null"}
-# "Load (N)", "Load [N]", "Load / N", "Load, N", "load_N": a name and a unit.
-_NAMED_UNIT = (
-    re.compile(r"(?P<name>.*?)\s*[(\[]\s*(?P<unit>[^()\[\]]*?)\s*[)\]]\s*"),
-    re.compile(r"(?P<name>.*?)\s*(?:/|,\s)\s*(?P<unit>\S+)"),
-    re.compile(r"(?P<name>.+)_(?P<unit>s|ms|min|mm|cm|m|um|N|mN|kN|Pa|kPa|MPa)"),
-)
-_BRACKETED = re.compile(r"\s*[(\[]\s*([^()\[\]]*?)\s*[)\]]\s*")
+# A table is refused if more rows of numbers than this, or a larger share, are not part of it.
+MOST_ROWS_OUTSIDE, MOST_ROWS_OUTSIDE_SHARE = 5, 0.02
+# A column is one of numbers if at least this share of its cells are: a force may be out of range in most rows.
+FEWEST_NUMBERS_SHARE = 0.1
+_NAMES_AND_BRACKETS = re.compile(r"[^\s(\[]+(?:\s?[(\[][^)\]]*[)\]])?")
+_COMMENT = re.compile(r"^\s*(#+|%+|//|!)\s*")
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +44,7 @@ class ExportColumn:
     ----------
     name : as the file has it, without the unit.
     unit : as the file has it; empty where it has none.
-    values : (k,), nan where a cell is empty.
+    values : (k,), nan where a cell is empty or has text.
     """
 
     name: str
@@ -52,12 +54,22 @@ class ExportColumn:
 
 @dataclass(frozen=True, eq=False)
 class Export:
-    """The columns of a file, the lines above them, and the line in which the first number stands."""
+    """The columns of a file.
+
+    Attributes
+    ----------
+    head : lines above the names of the columns.
+    line_of : (k,) line of each row, from 1 on.
+    notes : what was skipped, in sentences.
+    texts : name of each column without numbers -> its first cell.
+    """
 
     path: Path
     columns: tuple[ExportColumn, ...]
     head: tuple[str, ...]
-    first_line: int
+    line_of: np.ndarray
+    notes: tuple[str, ...]
+    texts: dict[str, str]
 
     def column(self, choice: str) -> ExportColumn:
         """A column by its name, or by its number from 1 on.
@@ -75,118 +87,273 @@ class Export:
         if len(chosen) > 1:
             numbers = " or ".join(str(k + 1) for k in chosen)
             raise InputError(f'{self.path}: {len(chosen)} columns are called "{shortened(choice)}"; give the number, {numbers}.')
+        if not chosen and choice in self.texts:
+            cell = shortened(self.texts[choice])
+            raise InputError(f'{self.path}: the column "{shortened(choice)}" has text ("{cell}"); export it as numbers.')
         if not chosen:
             raise InputError(f'{self.path}: there is no column "{shortened(choice)}"; {nearest(choice, names)}')
         return self.columns[chosen[0]]
 
 
+@dataclass(frozen=True)
+class _Layout:
+    """Separator of the cells of a table, number of its columns, and which of them have numbers."""
+
+    separator: str | None
+    width: int
+    numeric: tuple[int, ...]
+
+    def count(self, cells: Sequence[str]) -> tuple[int, int]:
+        """Numbers of cells with a number and of cells with text in the columns of numbers."""
+        filled = [cells[k] for k in self.numeric if k < len(cells) and cells[k].lower() not in MISSING]
+        numbers = sum(map(is_number, filled))
+        return numbers, len(filled) - numbers
+
+    def is_row(self, cells: Sequence[str]) -> bool:
+        """Whether a line reaches to the last column of numbers, and has only text beyond the last column."""
+        return len(cells) > self.numeric[-1] and not any(map(is_number, cells[self.width :]))
+
+    def may_be_names(self, cells: Sequence[str]) -> bool:
+        """Whether a line has a text in most columns of numbers. Where blanks separate, one of them is a usual name or a unit."""
+        if self.separator is None:
+            known = any(is_unit(cell) or is_name(name_and_unit(cell)[0]) for cell in cells)
+            return len(cells) == self.width and known
+        return 2 * sum(bool(cells[k]) for k in self.numeric if k < len(cells)) > len(self.numeric)
+
+
+@dataclass
+class _Block:
+    """Rows below the same names.
+
+    Attributes
+    ----------
+    names : the lines above the rows, as cells.
+    begin : line of the first of them, or of the first row.
+    lines, rows : line of each row, and its cells.
+    texts, repeated : lines of text between the rows, and lines that repeat the names.
+    """
+
+    names: set[tuple[str, ...]]
+    begin: int
+    lines: list[int]
+    rows: list[list[str]]
+    texts: list[int]
+    repeated: list[int]
+
+
 def read_export(path: Path) -> Export:
-    """Read the longest block of numeric rows of a text file, with the column names and units above it.
+    """Read the table of numbers of a text file, with the column names and units above it.
 
     Raises
     ------
-    InputError : the file cannot be read, is too large, or has no table of numbers in its first 2 000 lines.
+    InputError : the file cannot be read, is too large, or has no table of numbers in its first 2 000 lines; rows of numbers are
+        not part of the table; or the decimal mark is not clear.
     """
     advice = "export the table as plain text (.csv, .txt), with fewer rows"
-    lines = lines_of(text_of(path, advice, largest_bytes=LARGEST_EXPORT_BYTES, of_other_programs=True))
+    text = text_of(path, advice, largest_bytes=LARGEST_EXPORT_BYTES, of_other_programs=True).replace("\u2212", "-")
+    lines = lines_of(text)
     longest = max(range(len(lines)), key=lambda number: len(lines[number]))
     if len(lines[longest]) > LONGEST_ROW_CHARACTERS:
         raise InputError(
             f"{path}, line {longest + 1}: the line has {len(lines[longest])} characters, and a row of a table has at most "
             f"{LONGEST_ROW_CHARACTERS}; export the table again, with one row per line."
         )
-    best: tuple[int, int, str | None, bool] = (0, 0, None, False)
+    lines = _whole_cells(lines) if '"' in text else lines
+    layout = _layout(path, lines[:LINES_THAT_SHOW_THE_LAYOUT])
+    block, notes = _table(path, lines, layout)
+    names, units, top = _names(path, lines, block.lines[0] - 1, layout)
+    cells = [[row[k] for row in block.rows] for k in layout.numeric]
+    decimal = decimal_mark(path, cells, block.lines)
+    columns = []
+    texts: list[tuple[int, str]] = []
+    for k, column in zip(layout.numeric, cells, strict=True):
+        values, with_text, unseparated = numbers_of(column, decimal)
+        if unseparated is not None:
+            raise InputError(
+                f'{path}, line {block.lines[unseparated]}: "{column[unseparated]}" has no thousands separator, but other numbers '
+                f'of the column "{names[k]}" have; export the table without thousands separators.'
+            )
+        texts += [(block.lines[number], column[number]) for number in with_text]
+        if not np.isnan(values).all():
+            columns.append(ExportColumn(names[k], units[k], values))
+    if texts:
+        line, cell = min(texts)
+        notes.append(
+            f'{path}: {len(texts)} cells have text instead of a number, the first one in line {line}: "{shortened(cell)}".'
+        )
+    others = {names[k]: block.rows[0][k] for k in range(layout.width) if k not in layout.numeric and k < len(block.rows[0])}
+    head = tuple(line.strip() for line in lines[:top] if line.strip())
+    return Export(path, tuple(columns), head, np.array(block.lines), tuple(notes), others)
+
+
+def _whole_cells(lines: list[str]) -> list[str]:
+    """The same lines; a quoted cell with line breaks stands in its first line, and the others are empty."""
+    lines = list(lines)
+    for number, line in enumerate(lines):
+        if line.count('"') % 2:
+            ends = (k for k in range(number + 1, min(number + LINES_OF_A_CELL, len(lines))) if lines[k].count('"') % 2)
+            end = next(ends, number)
+            lines[number : end + 1] = [" ".join(lines[number : end + 1]), *[""] * (end - number)]
+    return lines
+
+
+def _cells(line: str, separator: str | None) -> list[str]:
+    if '"' in line:
+        return [cell.strip() for cell in next(csv.reader([line], delimiter=separator or " ", skipinitialspace=True), [])]
+    if separator is None or not line.strip():
+        return line.split()
+    cells = line.split(separator)
+    return [cell.strip() for cell in cells] if " " in line or not line.isascii() else cells
+
+
+def _layout(path: Path, lines: Sequence[str]) -> _Layout:
+    """The separator that gives most rows with two numbers and as many cells, and the columns of numbers."""
+    best, largest = None, 0.0
     for separator in SEPARATORS:
-        for decimal_comma in (False, True):
-            begin, end = _longest_block(lines[:LINES_THAT_SHOW_THE_LAYOUT], separator, decimal_comma)
-            # Of two readings that give as many rows the one with more columns is right: "1,5;2,5" has two, not one.
-            if (end - begin, _width(lines, begin, end, separator)) > (best[1] - best[0], _width(lines, *best[:3])):
-                best = begin, end, separator, decimal_comma
-    begin, end, separator, decimal_comma = best
-    if end - begin < SMALLEST_CURVE_ROWS:
+        rows: dict[int, list[list[str]]] = {}
+        for line in lines:
+            cells = _cells(line, separator)
+            if separator == ",":  # Thousands are separated by blanks only where cells are not separated by commas.
+                cells = [cell.replace(" ", "_") for cell in cells]
+            if sum(map(is_number, cells)) > 1:
+                while not cells[-1]:
+                    cells.pop()
+                rows.setdefault(len(cells), []).append(cells)
+        if not rows:
+            continue
+        width = max(rows, key=lambda width: (len(rows[width]), width))
+        filled = [[row[k] for row in rows[width] if row[k].lower() not in MISSING] for k in range(width)]
+        numbers = [sum(map(is_number, column)) for column in filled]
+        numeric = [k for k in range(width) if numbers[k] >= FEWEST_NUMBERS_SHARE * len(filled[k])]
+        # Of two readings that give as many rows the one with less text is right: "0,5 1,5" has two cells, not "5 1".
+        score = len(rows[width]) - (sum(map(len, filled)) - sum(numbers)) / width
+        if len(numeric) > 1 and len(rows[width]) >= SMALLEST_CURVE_ROWS and score > largest:
+            best, largest = _Layout(separator, width, tuple(numeric)), score
+    if best is None:
         raise InputError(
             f"{path}: no table of numbers found in the first {LINES_THAT_SHOW_THE_LAYOUT} lines; export one as text, with a "
             f"column for each quantity and at least {SMALLEST_CURVE_ROWS} rows."
         )
-    values = _block_to_the_end(lines[begin:], separator, decimal_comma)
-    if values is None:
-        begin, end = _longest_block(lines, separator, decimal_comma)
-        values = np.array([[_value(cell, decimal_comma) for cell in _cells(line, separator)] for line in lines[begin:end]])
-    names, units, head_end = _names(lines, begin, separator, values.shape[1])
-    filled = [k for k in range(values.shape[1]) if not np.isnan(values[:, k]).all()]
-    columns = tuple(ExportColumn(names[k], units[k], values[:, k]) for k in filled)
-    head = tuple(line.strip() for line in lines[:head_end] if line.strip())
-    return Export(path, columns, head, begin + 1)
-
-
-def _block_to_the_end(lines: list[str], separator: str | None, decimal_comma: bool) -> np.ndarray | None:
-    """All lines as numbers (rows, columns), about five times faster than cell by cell; None where they are anything else."""
-    text = "\n".join(lines).rstrip()
-    try:
-        values = np.loadtxt((text.replace(",", ".") if decimal_comma else text).split("\n"), delimiter=separator, ndmin=2)
-    except ValueError:
-        return None
-    blank = "\n\n" in text or values.shape[1] < 2
-    return None if blank or not np.isfinite(values).all() else values
-
-
-def _cells(line: str, separator: str | None) -> list[str]:
-    if separator is None:
-        return line.split()
-    return [cell.strip() for cell in next(csv.reader([line], delimiter=separator))] if line.strip() else []
-
-
-def _value(cell: str, decimal_comma: bool) -> float:
-    """A number; nan for an empty cell."""
-    text = cell.replace(",", ".") if decimal_comma else cell
-    return float(text) if _NUMBER.fullmatch(text) else math.nan
-
-
-def _is_row(cells: list[str], decimal_comma: bool) -> bool:
-    """Whether there are two cells or more: numbers, one at least, and empty ones."""
-    if decimal_comma:
-        cells = [cell.replace(",", ".") for cell in cells]
-    numbers = sum(_NUMBER.fullmatch(cell) is not None for cell in cells)
-    return numbers >= 1 and len(cells) >= 2 and all(cell.lower() in _MISSING or _NUMBER.fullmatch(cell) for cell in cells)
-
-
-def _longest_block(lines: list[str], separator: str | None, decimal_comma: bool) -> tuple[int, int]:
-    """First row, and that behind the last, of the longest run of rows of numbers with as many cells."""
-    best, begin, width = (0, 0), 0, 0
-    for number, line in enumerate([*lines, ""]):
-        cells = _cells(line, separator)
-        columns = len(cells) if _is_row(cells, decimal_comma) else 0
-        if columns != width:
-            if width and number - begin > best[1] - best[0]:
-                best = begin, number
-            begin, width = number, columns
     return best
 
 
-def _width(lines: list[str], begin: int, end: int, separator: str | None) -> int:
-    return len(_cells(lines[begin], separator)) if end > begin else 0
+def _table(path: Path, lines: Sequence[str], layout: _Layout) -> tuple[_Block, list[str]]:
+    """The longest block of rows below the same names, and notes on lines that are not read.
+
+    Raises
+    ------
+    InputError : too many rows of numbers are not part of it.
+    """
+    blocks: list[_Block] = []
+    outside: list[tuple[int, str]] = []
+    above: list[tuple[int, list[str]]] = []  # lines that may be names
+    texts: list[int] = []
+    for number, line in enumerate(lines, 1):
+        cells = _cells(line, layout.separator)
+        if not any(cells):
+            continue
+        if len(cells) == layout.width and blocks and not above and not texts and _plain(cells):
+            blocks[-1].lines.append(number)
+            blocks[-1].rows.append(cells)
+            continue
+        numbers, words = layout.count(cells)
+        if numbers and layout.is_row(cells) and (not words or (blocks and not above)):
+            names = {tuple(row) for _, row in above}
+            if not blocks or not names <= blocks[-1].names:
+                blocks.append(_Block(names, above[0][0] if above else number, [], [], [], []))
+            else:
+                blocks[-1].texts += texts
+                blocks[-1].repeated += [line for line, _ in above]
+            blocks[-1].lines.append(number)
+            blocks[-1].rows.append(cells)
+            above, texts = [], []
+        elif not words and sum(map(is_number, cells)) > 1:
+            outside.append((number, f"has {len(cells)} cells"))
+        elif not numbers and layout.may_be_names(cells):
+            above.append((number, cells))
+        else:
+            texts.append(number)
+    for block in blocks:  # Below the last row there may be means and largest values.
+        while layout.count(block.rows[-1])[1]:
+            del block.rows[-1], block.lines[-1]
+    table = max(blocks, key=lambda block: len(block.rows))
+    for block in blocks:
+        if block is not table:
+            outside += [(line, f"belongs to another table, which begins in line {block.begin},") for line in block.lines]
+    return table, list(_about_lines(path, table, sorted(outside), layout.width))
 
 
-def _names(lines: list[str], begin: int, separator: str | None, width: int) -> tuple[list[str], list[str], int]:
-    """Names and units of the columns, from the one or two lines above them; and where these lines begin."""
-    above = []
-    for number in range(begin - 1, max(begin - 3, -1), -1):
-        cells = _cells(lines[number], separator)
-        if len(cells) != width or not any(cells):
+def _plain(cells: Sequence[str]) -> bool:
+    """Whether all cells are numbers with a decimal point, if any: a quick answer for most rows of large tables."""
+    try:
+        return len(list(map(float, cells))) > 0
+    except ValueError:
+        return False
+
+
+def _about_lines(path: Path, table: _Block, outside: Sequence[tuple[int, str]], width: int) -> Iterator[str]:
+    """Notes on lines that are not read.
+
+    Raises
+    ------
+    InputError : too many of them have numbers.
+    """
+    if outside:
+        line, why = outside[0]
+        count = f"{len(outside)} row{'s' * (len(outside) > 1)} of numbers"
+        if len(outside) > min(MOST_ROWS_OUTSIDE, MOST_ROWS_OUTSIDE_SHARE * (len(outside) + len(table.rows))):
+            raise InputError(
+                f"{path}, line {line}: this row {why} and is not part of the table of {width} columns that begins in line "
+                f"{table.lines[0]} ({count} in all); put each table into a file of its own, and export it with the same columns "
+                "in every row and without thousands separators."
+            )
+        yield f"{path}: {count} outside the table omitted, the first one in line {line}: it {why.removesuffix(',')}."
+    if table.texts:
+        yield f"{path}: {len(table.texts)} lines of text between the rows are skipped, the first one in line {table.texts[0]}."
+    if table.repeated:
+        yield f"{path}: the names are repeated, first in line {table.repeated[0]}; all rows below are read as one table."
+
+
+def _names(path: Path, lines: Sequence[str], begin: int, layout: _Layout) -> tuple[list[str], list[str], int]:
+    """Names and units of the columns, from the lines above the first row, and the index of the first of these lines."""
+    width = layout.width
+    above: list[tuple[int, list[str]]] = []
+    for number in range(begin - 1, -1, -1):
+        cells = _names_in(lines[number], layout)
+        # A line such as "Segment 1: ramp" may stand between names and rows.
+        if lines[number].strip() and (len(above) == 2 or (cells is None and (above or number < begin - LINES_BELOW_NAMES))):
             break
-        above.append(cells)
-    if not above:
-        return [f"column {k + 1}" for k in range(width)], [""] * width, begin
-    units = [match[1] if (match := _BRACKETED.fullmatch(cell)) else None for cell in above[0]]
-    if len(above) == 2 and all(unit is not None or not cell for unit, cell in zip(units, above[0], strict=True)):
-        return above[1], [unit or "" for unit in units], begin - 2
-    pairs = [_name_and_unit(cell) for cell in above[0]]
-    return [name or f"column {k + 1}" for k, (name, _) in enumerate(pairs)], [unit for _, unit in pairs], begin - 1
+        above += [(number, cells)] if cells else []
+    units = next((row for row in above if is_unit_row(row[1])), None)
+    names = next((row for row in above if row is not units), None)
+    if names is None and begin and layout.separator == ",":
+        cells = _cells(lines[begin - 1], ",")
+        if width == 2 * len(cells) and not any(map(is_number, cells)):
+            raise InputError(
+                f"{path}, line {begin}: there are {len(cells)} names, but {width} cells in a row; commas are both separators and "
+                "decimal marks: export the table with semicolons, or with decimal points."
+            )
+    words = [""] * width if units is None else units[1]
+    words = [match["unit"] if (match := BRACKETED.fullmatch(cell)) and not match["name"] else cell for cell in words]
+    pairs = [("", "")] * width if names is None else [name_and_unit(cell) for cell in names[1]]
+    return (
+        [name or f"column {k + 1}" for k, (name, _) in enumerate(pairs)],
+        [unit or word for (_, unit), word in zip(pairs, words, strict=True)],
+        min([row[0] for row in (units, names) if row is not None], default=begin),
+    )
 
 
-def _name_and_unit(cell: str) -> tuple[str, str]:
-    for pattern in _NAMED_UNIT:
-        match = pattern.fullmatch(cell.strip())
-        if match:
-            return match["name"].strip(), match["unit"]
-    return cell.strip(), ""
+def _names_in(line: str, layout: _Layout) -> list[str] | None:
+    """The cells of a line above the rows, one per column; None if it has others, or numbers."""
+    plain = _COMMENT.sub("", line)
+    readings = [_cells(line, layout.separator), _cells(plain, layout.separator)]
+    if layout.separator is None:
+        readings += [_NAMES_AND_BRACKETS.findall(plain), re.split(r"\s{2,}|\t", plain.strip())]
+    for cells in readings:
+        cells = cells + [""] * (layout.width - len(cells)) if len(cells) > layout.numeric[-1] else cells
+        if len(cells) >= layout.width and any(cells) and not any(cells[layout.width :]):
+            cells = cells[: layout.width]
+            if len(cells[0]) > 1:
+                cells[0] = _COMMENT.sub("", cells[0])
+            return cells if sum(map(is_number, cells)) < 2 else None
+    return None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import takewhile
 from pathlib import Path
@@ -12,9 +12,9 @@ import numpy as np
 from typing_extensions import TypedDict
 
 from explicitfe.inverse.measured.curve import TIME
-from explicitfe.inverse.measured.export import Export
+from explicitfe.inverse.measured.export import MOST_ROWS_OUTSIDE, MOST_ROWS_OUTSIDE_SHARE, Export
 from explicitfe.inverse.measured.files import LARGEST_CURVE_ROWS, SMALLEST_CURVE_ROWS
-from explicitfe.inverse.measured.quantities import QUANTITIES, Choice, Quantity
+from explicitfe.inverse.measured.quantities import QUANTITIES, Choice, Quantity, guessed, measure_of
 from explicitfe.inverse.measured.read import read_dataset
 from explicitfe.inverse.measured.tables import RawTable, TestKind
 from explicitfe.inverse.measured.units import FAR_FROM_ZERO_SHARE
@@ -102,13 +102,13 @@ def plain_name(text: str) -> str:
     return _NOT_IN_A_NAME.sub("-", text.lower()).strip("-.") or "dataset"
 
 
-def write_new_dataset(out: Path, sources: Mapping[Path, Sequence[Choice]], description: TestDescription) -> NewDataset:
+def write_new_dataset(out: Path, sources: Sequence[tuple[Export, Sequence[Choice]]], description: TestDescription) -> NewDataset:
     """Write the folder of a dataset: dataset.toml, and a CSV for each file.
 
     Parameters
     ----------
     out : a folder that does not exist or is empty.
-    sources : file -> the columns of the quantities of :func:`quantities_of`, without time where a rate is given.
+    sources : tables, and their columns of the quantities of :func:`quantities_of`, without time where a rate is given.
 
     Raises
     ------
@@ -116,9 +116,10 @@ def write_new_dataset(out: Path, sources: Mapping[Path, Sequence[Choice]], descr
     """
     check_free(out)
     notes: list[str] = []
-    ids = curve_names(list(sources))
-    tables = {ids[file]: _rows(file, choices, description, notes) for file, choices in sources.items()}
-    first = next(iter(sources.values()))
+    files = [export.path for export, _ in sources]
+    ids = curve_names(files)
+    tables = {ids[export.path]: _rows(export, choices, description, notes) for export, choices in sources}
+    first = sources[0][1]
     measured: tuple[Quantity, ...] = ("stretch", "stress") if description.strip else tuple(c.quantity for c in first[-2:])
     columns = [TIME, *(QUANTITIES[quantity].column for quantity in measured)]
     origins = [f"{choice.column.name} [{choice.unit}]" for choice in first]
@@ -144,7 +145,7 @@ def write_new_dataset(out: Path, sources: Mapping[Path, Sequence[Choice]], descr
                 "rows": len(tables[ids[file]]),
                 "duration_s": float(tables[ids[file]][-1, 0]),
             }
-            for file in sources
+            for file in files
         ],
         "notes": list(dict.fromkeys(notes)),
     }
@@ -186,14 +187,19 @@ def curve_names(files: Sequence[Path]) -> dict[Path, str]:
     return ids
 
 
-def _rows(file: Path, choices: Sequence[Choice], description: TestDescription, notes: list[str]) -> np.ndarray:
+def _rows(export: Export, choices: Sequence[Choice], description: TestDescription, notes: list[str]) -> np.ndarray:
     """Convert the columns of a file to the units, signs and zeros of a dataset: (rows, columns)."""
+    file = export.path
+    notes += export.notes
     values = [choice.column.values * choice.factor for choice in choices]
     rows = np.column_stack(values if len(values) > 2 else [np.zeros(len(values[0])), *values])
     complete = np.isfinite(rows).all(axis=1)
     if not complete.all():
-        notes.append(f"{file}: {(~complete).sum()} rows with an empty cell are omitted.")
-    rows = rows[complete]
+        line = export.line_of[~complete][0]
+        notes.append(
+            f"{file}: {(~complete).sum()} rows without a number in each column are omitted, the first one in line {line}."
+        )
+    rows, line_of = rows[complete], export.line_of[complete]
     if not len(rows):
         raise InputError(f"{file}: no row has a number in every selected column; check the columns.")
     rows = _with_signs(file, rows, choices[-2:], description, notes)
@@ -201,9 +207,18 @@ def _rows(file: Path, choices: Sequence[Choice], description: TestDescription, n
         imposed = 2 if description.tool is not None and description.tool["control"] == "force" else 1
         path = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(rows[:, imposed])))])
         rows[:, 0] = path / (description.rate_per_s or 1.0)
-    later = np.append(True, np.diff(np.maximum.accumulate(rows[:, 0])) > 0.0)
+    latest = np.maximum.accumulate(rows[:, 0])
+    back = rows[:, 0] < latest
+    if back.sum() > min(MOST_ROWS_OUTSIDE, MOST_ROWS_OUTSIDE_SHARE * len(rows)):
+        first = int(back.argmax())
+        raise InputError(
+            f"{file}, line {line_of[first]}: the time goes back from {latest[first]:g} s to {rows[first, 0]:g} s; put tests that "
+            "have their own time into files of their own, or export the time of the whole test."
+        )
+    later = np.append(True, np.diff(latest) > 0.0)
     if not later.all():
-        notes.append(f"{file}: {(~later).sum()} rows whose time does not increase are omitted.")
+        why = "whose time does not increase" if len(choices) > 2 else "in which the load does not change, and so have no time,"
+        notes.append(f"{file}: {(~later).sum()} rows {why} are omitted, the first one in line {line_of[~later][0]}.")
     rows = rows[later]
     if description.contact_force_N is not None and choices[-1].quantity == "force":
         rows = _from_contact(file, rows, description.contact_force_N, notes)
@@ -236,12 +251,27 @@ def _with_signs(
     pulls = description.test == "tension"
     if first == "stretch":
         signs, convention = (1.0 if pulls else -1.0), "tension is positive"
+        strain, stress = (measure_of(choice.quantity, choice.column.name) for choice in choices)
+        name, of_stress = (choice.column.name for choice in choices)
         # A strain begins at 0, a stretch at 1.
-        if abs(rows[0, 1]) < LARGEST_FIRST_STRAIN:
-            name = choices[0].column.name
+        if strain is not None:
+            notes.append(f'"{name}" is taken as a {strain.title}: stretch = {strain.formula}.')
+            rows[:, 1] = strain.convert(_signed(rows[:, 1], signs, "strain", convention, notes), rows[:, 1])
+        elif abs(rows[0, 1]) < LARGEST_FIRST_STRAIN:
             notes.append(f'"{name}" begins near 0 and is taken as a strain: stretch = 1 + strain, below 1 in compression.')
             rows[:, 1] = 1.0 + _signed(rows[:, 1], signs, "strain", convention, notes)
         rows[:, 2] = _signed(rows[:, 2], signs, "stress", convention, notes)
+        if stress is not None:
+            notes.append(
+                f'"{of_stress}" is taken as a {stress.title}: nominal stress = {stress.formula}, without change of volume.'
+            )
+            rows[:, 2] = stress.convert(rows[:, 2], rows[:, 1])
+    for choice in choices if first == "shear-strain" else ():
+        if measure_of("stretch", choice.column.name) or measure_of("stress", choice.column.name):
+            raise InputError(
+                f'{file}: "{shortened(choice.column.name)}" is no measure of simple shear; give the tangent of the angle and '
+                "the force over the area."
+            )
     if first == "displacement":
         start, extent = rows[0, 1], float(np.ptp(rows[:, 1]))
         if abs(start) > FAR_FROM_ZERO_SHARE * extent:
@@ -298,12 +328,13 @@ def _toml(name: str, ids: Sequence[str], description: TestDescription) -> str:
     return "\n".join(lines) + "\n"
 
 
-def missing(export: Export, quantity: Quantity) -> InputError:
-    """The error where the column of a quantity, or its unit, is not known."""
-    names = ", ".join(shortened(column.name) for column in export.columns)
-    units = ", ".join(QUANTITIES[quantity].units)
-    otherwise = ", or `rate` if there is no such column" if quantity == "time" else ""
-    return InputError(
-        f'{export.path}: the column of the {quantity}, or its unit, is not known; give --{quantity} "COLUMN:UNIT"{otherwise}. '
-        f"Columns: {names}. Units: {units}."
-    )
+def missing(export: Export, quantity: Quantity) -> str:
+    """The option that states the column of a quantity and its unit, and why it is needed."""
+    column, units = guessed(export, quantity), QUANTITIES[quantity].units
+    otherwise = ", or --rate PER_S without a time column," if quantity == "time" else ""
+    if column is None:
+        why = f"no column is known as the {quantity}"
+    else:
+        why = f'"{shortened(column.unit)}" is no unit of it' if column.unit else "its unit is not stated"
+    name = "COLUMN" if column is None else shortened(column.name)
+    return f'--{quantity} "{name}:{next(iter(units))}"{otherwise} ({why}; units: {", ".join(units)})'

@@ -12,7 +12,8 @@ from explicitfe.inverse.measured.tables import DatasetFile, MeasuredSpecimen, Me
 from explicitfe.platform.errors import InputError
 
 # All limits are wide: a curve that is merely unusual must pass.
-_STRETCH_LIMITS = (0.05, 10.0)
+_STRETCH_LIMITS = (0.05, 100.0)
+_LARGEST_FIRST_STRETCH = 10.0
 _LARGEST_SHEAR_STRAIN = 10.0
 # A displacement given in metres is a thousandth of the one in mm: it stays below these shares of the specimen's thickness and of
 # the tool's radius.
@@ -56,10 +57,12 @@ def _check_homogeneous(csv: CurveCsv) -> None:
     deformation, stress = csv.data[first], np.abs(csv.data[second])
     if csv.kind == "uniaxial":
         low, high = _STRETCH_LIMITS
-        odd, advice = (
-            (deformation <= low) | (deformation >= high),
-            "give current length over length at rest (1 at rest), not percent",
-        )
+        # At rest a stretch is 1; in percent it is 100, and a strain is 0.
+        odd = (deformation <= low) | (deformation >= high)
+        odd[0] |= deformation[0] >= _LARGEST_FIRST_STRETCH
+        advice = "give current length over length at rest (1 at rest), not percent"
+        if not odd[0] and odd.any() and deformation[int(odd.argmax())] > low:
+            advice = f"stretches above {high:g} are not supported; omit these rows"
         strain = np.abs(deformation - 1.0)
     else:
         odd, advice = np.abs(deformation) > _LARGEST_SHEAR_STRAIN, "give the tangent of the angle, not percent"

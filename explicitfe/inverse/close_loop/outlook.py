@@ -12,6 +12,7 @@ from explicitfe.inverse.close_loop.specimens.features import features_of
 from explicitfe.inverse.close_loop.specimens.series import peers_of, series_of
 from explicitfe.inverse.close_loop.split import Split, split
 from explicitfe.inverse.close_loop.trajectories.markers import place_on_model, remarks
+from explicitfe.inverse.measured.contact import about_contact
 from explicitfe.inverse.measured.curve import PRINTED_UNITS, Curve, Dataset, Sensor, SpecimenDataset, TrajectoryDataset, sd_of
 from explicitfe.inverse.measured.marker_doubts import doubts
 from explicitfe.inverse.measured.read import read_dataset
@@ -54,12 +55,19 @@ def check_dataset(path: Path | str) -> DatasetCheckReport:
         "tools": _distinct([c.tool.model_dump(exclude_none=True, mode="json") for c in dataset.curves if c.tool]),
         "scenario": None if scenario is None else str(scenario),
         "sensors": {name: _place_of(sensor) for name, sensor in sensors.items()},
-        "rule": sides.rule,
+        "rule": f"by close-loop: {sides.rule}{_of_identify(dataset, sides)}",
         "curves": [_checked(curve, sides) for curve in dataset.curves],
         "can_show": [name for name in EFFECTS if specimens and name not in names],
         "cannot_show": hidden,
         "warnings": list(_warnings(dataset, sides)),
     }
+
+
+def _of_identify(dataset: Dataset, sides: Split) -> str:
+    """The curves that close-loop holds out by its rule, and identify fits, in words."""
+    held = {curve.id for curve in sides.holdout}
+    both = [c.id for c in dataset.curves if c.split is None and c.id in held and isinstance(dataset, SpecimenDataset)]
+    return f'; identify fits {_listed(both)} too, unless split = "holdout" is set' if both else ""
 
 
 def _features(curves: Sequence[Curve]) -> set[str]:
@@ -146,9 +154,10 @@ def _warnings(dataset: Dataset, sides: Split) -> Sequence[str]:
         ],
     }
     notes += [f"{sentence}." for sentence, curves in supposed.items() if curves]
+    notes += [note for curve in sides.fit if (note := about_contact(curve))]
     for curve in sides.fit:
         values = curve.columns[curve.predicted] - (curve.predicted == "stretch")
-        if abs(values[0]) > FAR_FROM_ZERO_SHARE * np.abs(values).max():
+        if not curve.fit_contact and abs(values[0]) > FAR_FROM_ZERO_SHARE * np.abs(values).max():
             percent = 100.0 * abs(values[0]) / np.abs(values).max()
             notes.append(f"{curve.id} begins at {percent:.0f} % of its largest value; check that it was zeroed before contact.")
     return notes

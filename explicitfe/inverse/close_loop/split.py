@@ -130,8 +130,8 @@ def _by_rule(curves: Sequence[Curve]) -> tuple[set[str], str]:
         held |= {curve.id for test in out for curve in test}
     fitted = [c for c in curves if c.id not in held]
     rule = (
-        "about a third of the tests of a kind is held out: sizes between two others, else programmes between two others, else "
-        "whole specimens, and repeats only where nothing else is there"
+        "about a third of the curves of each kind is held out: first intermediate sizes, then intermediate loading protocols, "
+        "then whole specimens, and repeats last"
     )
     most = THRESHOLDS.fitted_curves_under_a_tool
     if len(fitted) > most and fitted[0].tool is not None and fitted[0].tool.shape != "platen":

@@ -158,7 +158,8 @@ def what_a_fit_hides(
         observed, fit = _shallow(observed, fit, PLATEN_DEPTH_HEIGHT_SHARE * 1e-3 * setup.height_mm)
     if not observed:
         return [], 0
-    reach = [o.measured.max() if o.model.by_force else o.imposed.max() for o in observed]
+    touching = [o.at_contact(o.contact(fit.constants)) for o in observed]
+    reach = [o.measured.max() if o.model.by_force else o.imposed.max() for o in touching]
     depth_factor = ALTERNATIVE_DEPTH_FACTOR if observed[0].model.by_force else 1.0
     depths_m = depths(depth_factor * float(max(reach)), DEPTHS_OF_AN_ALTERNATIVE)
     setup = replace(setup, law=fit.law.key)
@@ -169,7 +170,18 @@ def what_a_fit_hides(
 
     def predicted(force: np.ndarray) -> np.ndarray:
         c, _ = smooth.coefficients(depths_m, force)
-        return np.concatenate([(smooth.inverse if o.model.by_force else smooth.at)(c, o.imposed)[0] for o in observed])
+        return np.concatenate([(smooth.inverse if o.model.by_force else smooth.at)(c, o.imposed)[0] for o in touching])
+
+    ends = np.cumsum([len(o.measured) for o in observed])
+
+    def without_contact(change: np.ndarray) -> np.ndarray:
+        """The part of a change that no other contact compensates."""
+        for o, at, row_sd, end in zip(observed, touching, fit.sds, ends, strict=True):
+            if o.contact_m is not None:
+                slope = o.contact_slope(at.imposed, fit.constants) / row_sd
+                part = change[end - len(row_sd) : end]
+                part -= slope * (slope @ part) / (slope @ slope)
+        return change
 
     # The test as it was fitted is run at the same depths too, so that the roughness of contact cancels.
     as_fitted = predicted(run)
@@ -184,7 +196,7 @@ def what_a_fit_hides(
         try:
             for number in range(MOST_RUNS_OF_AN_ALTERNATIVE):
                 force = forces(replace(choice.setup, law=fit.law.key), constants, depths_m)
-                change = (predicted(force) - as_fitted) / sd
+                change = without_contact((predicted(force) - as_fitted) / sd)
                 runs += 1
                 if last is not None:  # Broyden: the last step has shown something of the alternative's own J.
                     along = (constants - last[0]) / unit**2

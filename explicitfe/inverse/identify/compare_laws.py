@@ -141,6 +141,8 @@ def held_out_error(observed: Sequence[Observed], law: FitLaw) -> float | None:
         except RunError:
             return None
         largest = {o.id: float(np.abs(o.measured).max()) for o in observed}
+        if len(observed) == 1:  # The contact is that of the fitted rows.
+            held_out = [held_out[0].at_contact(fitted[0].contact(constants))]
         squares += [((o.predicted(constants) - o.measured) / largest[o.id]) ** 2 for o in held_out]
     return float(np.sqrt(np.mean(np.concatenate(squares))))
 
@@ -197,6 +199,8 @@ def load_share(observed: Observed) -> np.ndarray:
     response = observed.model.response
     tension = isinstance(response, PointResponse) and response.kind == "uniaxial"
     load = np.abs(observed.imposed - 1.0) if tension else np.abs(observed.imposed)
+    if observed.contact_m is not None and not observed.model.by_force:  # Rows before contact have no load.
+        load = np.maximum(observed.imposed - observed.contact_m, 0.0)
     return load / max(float(load.max()), 1e-300)
 
 

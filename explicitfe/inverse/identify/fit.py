@@ -34,6 +34,8 @@ FEW_CONSTANTS = 3
 FIT_TOLERANCE, TOLERANCE_OF_MANY = 1e-12, 1e-9
 STARTS_OF_MANY = 2
 MOST_EVALUATIONS = 200
+# The contact is found when a step is less than this share of the range, or after so many steps.
+CONTACT_TOLERANCE, MOST_CONTACT_STEPS = 1e-9, 60
 # A modulus below this share of the shear modulus may belong at its bound 0.
 NEAR_BOUND_SHARE = 0.02
 
@@ -57,6 +59,7 @@ class Observed:
     imposed, measured : (k,) SI.
     imposed_sd, measured_sd : noise of one row; None where it is unknown.
     model : it predicts ``measured`` from ``imposed``.
+    contact_m : where a search for the displacement of first contact begins; None if contact is at 0.
     """
 
     id: str
@@ -65,6 +68,7 @@ class Observed:
     imposed_sd: float | None
     measured_sd: float | None
     model: CurveModel
+    contact_m: float | None = None
 
     @property
     def noise_known(self) -> bool:
@@ -72,12 +76,52 @@ class Observed:
         return (self.imposed_sd or 0.0) > 0.0 or (self.measured_sd or 0.0) > 0.0
 
     def predicted(self, constants: ConstantsLike) -> np.ndarray:
-        """Prediction of the model (k,)."""
-        return self.model(self.imposed, *map(float, constants))
+        """Prediction of the model (k,), with the contact that fits it best."""
+        if self.contact_m is None:
+            return self.model(self.imposed, *map(float, constants))
+        contact = self.contact(constants)
+        return self.at_contact(contact).predicted(constants) + contact * self.model.by_force
+
+    def at_contact(self, contact_m: float) -> Observed:
+        """The same rows with the displacement zero at a given contact."""
+        if self.model.by_force:
+            return replace(self, measured=self.measured - contact_m, contact_m=None)
+        return replace(self, imposed=self.imposed - contact_m, contact_m=None)
+
+    def contact(self, constants: ConstantsLike) -> float:
+        """Displacement of first contact with the smallest sum of squares [m]; 0 where it is not fitted.
+
+        The residual is thereby a function of the constants only (variable projection, Golub & Pereyra 1973), and its curvature
+        and profiles include the error of the contact.
+        """
+        if self.contact_m is None:
+            return 0.0
+        if self.model.by_force:
+            return float(np.mean(self.measured - self.at_contact(0.0).predicted(constants)))
+        contact, step, squares = self.contact_m, 0.0, np.inf
+        for _ in range(MOST_CONTACT_STEPS):
+            value, slope = self.model.with_slope(self.imposed - contact - step, *map(float, constants))
+            residual = value - self.measured
+            if float(residual @ residual) > squares:  # too far
+                step *= 0.5
+            else:
+                contact, squares = contact + step, float(residual @ residual)
+                touching = np.where(self.imposed > contact, slope, 0.0)
+                step = float(touching @ residual) / max(float(touching @ touching), 1e-300)
+            if abs(step) < CONTACT_TOLERANCE * float(np.ptp(self.imposed)):
+                break
+        return contact
+
+    def contact_slope(self, imposed: np.ndarray, constants: ConstantsLike) -> np.ndarray:
+        """Change of the predicted column (k,) with the displacement of contact, but for its sign."""
+        if self.model.by_force:
+            return np.ones(len(imposed))
+        return np.where(imposed > 0.0, self.model.with_slope(imposed, *map(float, constants))[1], 0.0)
 
     def sd(self, constants: ConstantsLike) -> np.ndarray:
         """Standard deviation of measured - predicted (k,), including the error of the imposed column."""
-        slope = self.model.with_slope(self.imposed, *map(float, constants))[1]
+        imposed = self.at_contact(self.contact(constants)).imposed
+        slope = self.model.with_slope(imposed, *map(float, constants))[1]
         return np.hypot(self.measured_sd or 0.0, slope * (self.imposed_sd or 0.0))
 
     def errors(self, constants: ConstantsLike) -> dict[str, float]:
@@ -109,7 +153,7 @@ class Fit:
     widening : factor of the intervals, and its causes.
     at_bound : names of constants that ended at a bound.
     undetermined : names of constants that the data do not determine: another value changes nothing if others change with it.
-    chi2, count : weighted sum of squares and rows; with the noise unknown chi2 is in units of the estimated noise.
+    chi2, count : weighted sum of squares, and rows less fitted contacts; chi2 is in units of the noise, stated or estimated.
     mean_square : of the weighted residual, with weights that are the same for all laws.
     noise_estimated : the dataset does not state the noise; it is estimated from the residual.
     sds : standard deviations of the rows, one array per curve.
@@ -277,6 +321,7 @@ def starts_of(observed: Sequence[Observed], law: FitLaw = YEOH, count: int = 1) 
         top = bottom = total = 0.0
         for o in observed:
             # Forces and stresses are proportional to the moduli, whatever is imposed.
+            o = o.at_contact(o.contact_m or 0.0)
             x, y = (o.measured, o.imposed) if o.model.by_force else (o.imposed, o.measured)
             unit = CurveModel(o.model.response)(x, *shape)
             weight = 1.0 / max(float((y**2).sum()), 1e-300)
@@ -322,7 +367,7 @@ def least_squares_fit(
         if np.abs(best - before).max() < SETTLED_STEP_SHARE * best[0]:
             break
     problem = Problem(observed, sds, law)
-    count = sum(len(o.measured) for o in observed)
+    count = sum(len(o.measured) - (o.contact_m is not None) for o in observed)
     mean_square = problem.chi2(best) / count
     if estimated:
         scale = np.sqrt(max(problem.chi2(best) / max(count - len(best), 1), 1e-24))
@@ -365,6 +410,20 @@ def with_intervals(observed: Sequence[Observed], fit: Fit, model_form: float = 1
     of_noise = _profile(problem, fit, 1.0)
     wider = of_noise if fit.widening.factor == 1.0 else _profile(problem, fit, fit.widening.factor)
     return replace(fit, profile_of_noise=of_noise, profile=wider)
+
+
+def contact_interval(observed: Observed, fit: Fit, number: int) -> tuple[float, float]:
+    """Displacement of first contact of a curve and half of its 95 % interval, as wide as those of the constants [m]."""
+    best = np.array(fit.constants)
+    contact, touching = observed.contact(best), observed.at_contact(observed.contact(best))
+    slope = observed.contact_slope(touching.imposed, best)
+    change = np.zeros(len(best))
+    for k in np.flatnonzero(fit.sd):
+        step = np.zeros(len(best))
+        step[k] = 0.1 * fit.sd[k]
+        change[k] = (observed.contact(best + step) - observed.contact(best - step)) / (2.0 * step[k])
+    variance = 1.0 / float(((slope / fit.sds[number]) ** 2).sum()) + change @ fit.covariance @ change
+    return contact, fit.quantile * fit.widening.factor * float(np.sqrt(variance))
 
 
 def profile_curve(observed: Sequence[Observed], fit: Fit, number: int, values: np.ndarray) -> np.ndarray:

@@ -10,6 +10,7 @@ from explicitfe.inverse.identify.assumptions import alternatives
 from explicitfe.inverse.identify.fit import Observed
 from explicitfe.inverse.identify.forward import FIRST_Q, CurveModel, PointResponse, Response, ToolResponse, UniformResponse
 from explicitfe.inverse.identify.laws import FIT_LAWS, YEOH, FitLaw
+from explicitfe.inverse.measured.contact import contact_start
 from explicitfe.inverse.measured.curve import Curve, programme_of, sd_of
 from explicitfe.inverse.measured.select import Group
 from explicitfe.inverse.predict.setup import Setup, is_uniform, setup_of
@@ -46,8 +47,8 @@ class ForwardModels:
                     continue
                 setup = self.setups[curve.id] = setup_of(curve, self.poisson, self.refinement)
                 setup.tables(1.0, 0.0)
-                factor = LARGEST_DEPTH_FACTOR if curve.tool.control == "force" else 1.0
-                depth = factor * float(curve.displacement_m[: group.rows[curve.id]].max())
+                factor = LARGEST_DEPTH_FACTOR if curve.tool.control == "force" or curve.fit_contact else 1.0
+                depth = factor * float((curve.displacement_m - (contact_start(curve) or 0.0))[: group.rows[curve.id]].max())
                 largest[setup.key] = max(largest.get(setup.key, 0.0), depth)
         self._largest = largest
         self.other_runs = 0
@@ -98,6 +99,7 @@ class ForwardModels:
             imposed_sd=sd_of(curve, curve.imposed),
             measured_sd=sd_of(curve, curve.predicted),
             model=CurveModel(self.response(curve, law), by_force),
+            contact_m=contact_start(curve),
         )
 
     def runs_planned(self, groups: Sequence[Group], method: str, laws: Sequence[FitLaw] = (YEOH,)) -> int:

@@ -89,6 +89,7 @@ class GroupFit:
         """Rms numerical noise of the predictions, in the unit."""
         parts = []
         for o in self.observed:
+            o = o.at_contact(o.contact(self.constants))
             value, slope = o.model.with_slope(o.imposed, *map(float, self.constants))
             # The roughness of a response is relative to its forces.
             deviation = np.abs(o.imposed * slope) if o.model.by_force else np.abs(value)

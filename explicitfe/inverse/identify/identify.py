@@ -87,6 +87,8 @@ def identify_constants(
     laws = [YEOH] if method == "paper" else requested_laws(law, homogeneous=models.homogeneous)
     if method == "paper":
         for group in groups:
+            if any(curve.fit_contact for curve in group.fitted):
+                raise InputError('the paper\'s method does not fit the contact; remove contact = "fit" of [[curve]].')
             force_steps(group.fitted, group.rows)
     if models.setups:  # Tests of a point need no kernels.
         progress("load", 0.0)

@@ -66,6 +66,7 @@ def _curve(curve: Curve, observed: Observed, split: str, constants: np.ndarray) 
     x_unit, x_scale = PRINTED_UNITS.get(curve.imposed, ("", 1.0))
     y_unit, y_scale = PRINTED_UNITS[curve.predicted]
     line = np.linspace(observed.imposed.min(), observed.imposed.max(), LINE_POINTS)
+    contact, by_force = observed.contact(constants), observed.model.by_force
     return {
         "id": curve.id,
         "split": split,
@@ -76,7 +77,7 @@ def _curve(curve: Curve, observed: Observed, split: str, constants: np.ndarray) 
         "sd": y_scale * (observed.sd(constants) if observed.noise_known else np.zeros(len(observed.measured))),
         "predicted": y_scale * observed.predicted(constants),
         "line_x": x_scale * line,
-        "line_y": y_scale * observed.model(line, *map(float, constants)),
+        "line_y": y_scale * (observed.model(line - contact * (not by_force), *map(float, constants)) + contact * by_force),
     }
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from explicitfe.inverse.identify.assumptions import Hidden
 from explicitfe.inverse.identify.compare_laws import LawFit
-from explicitfe.inverse.identify.fit import Fit, Observed
+from explicitfe.inverse.identify.fit import Fit, Observed, contact_interval
 from explicitfe.inverse.identify.group_fit import GroupFit, root_mean_square
 from explicitfe.inverse.identify.laws import YEOH
 from explicitfe.inverse.identify.paper import AGREEMENT_M, AGREEMENT_SHARE, ALPHA_M, BETA_M, PaperFit
@@ -53,7 +53,7 @@ def group_rows(fitted: GroupFit, assumed: Sequence[str], poisson: float) -> Iden
         "at_bound": list(fitted.at_bound),
         "chi2": fitted.chi2,
         "degrees_of_freedom": fit.free,
-        "rows": fit.count,
+        "rows": sum(len(o.measured) for o in fitted.observed),
         "noise": "estimated from the residual" if fit.noise_estimated else "as the dataset states it",
         "noise_sd": fitted.noise_sd,
         "numerical_sd": fitted.numerical_sd,
@@ -144,6 +144,14 @@ def _curve_rows(fitted: GroupFit) -> dict[str, IdentifiedCurve]:
             "largest_error": scale * errors["largest"],
             "first_value": scale * float(observed.measured[0]),
         }
+        if observed.contact_m is not None and not held_out:
+            contact, half = contact_interval(observed, fitted.fit, fitted.observed.index(observed))
+            before = int((curve.displacement_m[: len(observed.measured)] < contact).sum())
+            rows[curve.id] |= {
+                "contact_mm": 1e3 * contact,
+                "contact_ci95_mm": [1e3 * (contact - half), 1e3 * (contact + half)],
+                "rows_before_contact": before,
+            }
 
     for curve, observed in zip(fitted.group.fitted, fitted.observed, strict=True):
         add(curve, observed, held_out=False)

@@ -8,10 +8,11 @@ import numpy as np
 
 from explicitfe.fem.materials.stability import STRETCHES_IN_USE, loss_of_stability
 from explicitfe.inverse.identify.assumptions import sentence
-from explicitfe.inverse.identify.fit import Observed
+from explicitfe.inverse.identify.fit import Observed, contact_interval
 from explicitfe.inverse.identify.forward import UniformResponse
 from explicitfe.inverse.identify.group_fit import GroupFit
 from explicitfe.inverse.identify.laws import ALL
+from explicitfe.inverse.measured.contact import about_contact
 from explicitfe.inverse.measured.curve import Curve, SpecimenDataset
 from explicitfe.inverse.measured.select import Group
 
@@ -127,6 +128,16 @@ def _about_curves(fitted: GroupFit) -> list[str]:
     offsets = [f"{curve.id} {scale * o.measured[0]:.3g} {unit}" for curve, o in pairs if _has_offset(curve, o)]
     if offsets:
         warnings.append(f"The first row is not zero and the law has no offset: {', '.join(offsets)}.")
+    for number, (curve, o) in enumerate(pairs):
+        if o.contact_m is None:
+            warnings += [f"{note[0].upper()}{note[1:]}"] if (note := about_contact(curve)) else []
+            continue
+        contact, half = contact_interval(o, fitted.fit, number)
+        rows = int((curve.displacement_m[: len(o.measured)] < contact).sum())
+        warnings.append(
+            f"{curve.id} comes into contact at {1e3 * contact:.3g} ± {1e3 * half:.2g} mm (95 %), which was fitted with the "
+            f"constants: {rows} rows are not in contact."
+        )
     buckled = [curve.id for curve, o in pairs if _buckles(curve, o)]
     if buckled:
         warnings.append(
@@ -148,7 +159,7 @@ def _times(factor: float) -> str:
 
 
 def _has_offset(curve: Curve, observed: Observed) -> bool:
-    if curve.tool is None or abs(observed.imposed[0]) >= ZERO_DISPLACEMENT_M:
+    if curve.tool is None or observed.contact_m is not None or abs(observed.imposed[0]) >= ZERO_DISPLACEMENT_M:
         return False
     return bool(abs(observed.measured[0]) > OFFSET_SHARE * np.abs(observed.measured).max())
 

@@ -86,6 +86,7 @@ class Curve:
     columns : name in SI -> (k,), see :data:`COLUMNS`; empty for a trajectory.
     sensors : name -> positions (k, 3) [m], NaN where a value is missing; a trajectory only.
     start_s : time at which the motion begins; None: to be seen in the rows and fitted; a trajectory only.
+    fit_contact : whether the displacement of first contact is fitted; a curve under a tool only.
     """
 
     id: str
@@ -102,6 +103,7 @@ class Curve:
     columns: dict[str, np.ndarray] = field(default_factory=dict)
     sensors: dict[str, np.ndarray] = field(default_factory=dict)
     start_s: float | None = 0.0
+    fit_contact: bool = False
 
     @property
     def defect(self) -> str | None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import takewhile
 from pathlib import Path
@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 from typing_extensions import TypedDict
 
+from explicitfe.inverse.measured.contact import CONTACT_POWERS, approach_of, contact_before
 from explicitfe.inverse.measured.curve import TIME
 from explicitfe.inverse.measured.export import MOST_ROWS_OUTSIDE, MOST_ROWS_OUTSIDE_SHARE, Export
 from explicitfe.inverse.measured.files import LARGEST_CURVE_ROWS, SMALLEST_CURVE_ROWS
@@ -24,6 +25,7 @@ from explicitfe.platform.host.toml_text import toml_key, toml_value
 from explicitfe.results.files.folder import whole_folder
 
 LARGEST_FIRST_STRAIN = 0.5
+FAR_FROM_ZERO_SDS = 3.0  # A mean force before contact beyond so many standard errors is the zero of the load cell.
 _NOT_IN_A_NAME = re.compile(r"[^a-z0-9.]+")
 
 
@@ -62,7 +64,8 @@ class TestDescription:
     Attributes
     ----------
     specimen, tool, noise : tables of the dataset; tool is None where the columns are stretch and stress.
-    contact_force_N : rows before the force first reaches this value are omitted; None keeps all rows.
+    contact_force_N : rows before the force first reaches this value are omitted, and the displacement at contact follows from the
+        rows behind; if None, rows whose force is within the noise are recognised as the approach.
     rate_per_s : rate of the imposed column, in its unit per second, where there is no time column. Rows in which that column does
         not change are omitted.
     strip : length and cross-section of a strip between clamps. Its displacement and force are converted to stretch and stress.
@@ -80,6 +83,11 @@ class TestDescription:
     rate_per_s: float | None = None
     strip: Strip | None = None
     one_specimen: bool = False
+
+    @property
+    def presses(self) -> bool:
+        """Whether a tool comes into contact and presses."""
+        return self.tool is not None and self.test != "tension" and self.tool["shape"] != "bonded-disc"
 
 
 def quantities_of(test: TestKind, with_tool: bool) -> tuple[Quantity, ...]:
@@ -126,7 +134,7 @@ def write_new_dataset(out: Path, sources: Sequence[tuple[Export, Sequence[Choice
     origins = origins if len(origins) == len(columns) else [f"the rate, {description.rate_per_s:g} per s", *origins]
     try:
         with whole_folder(out) as folder:
-            (folder / DATASET_FILE).write_text(_toml(plain_name(out.resolve().name), list(tables), description), encoding="utf-8")
+            (folder / DATASET_FILE).write_text(_toml(plain_name(out.resolve().name), tables, description), encoding="utf-8")
             for name, rows in tables.items():
                 lines = [",".join(columns), *(",".join(f"{number:.9g}" for number in row) for row in rows)]
                 (folder / f"{name}.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
@@ -220,8 +228,8 @@ def _rows(export: Export, choices: Sequence[Choice], description: TestDescriptio
         why = "whose time does not increase" if len(choices) > 2 else "in which the load does not change, and so have no time,"
         notes.append(f"{file}: {(~later).sum()} rows {why} are omitted, the first one in line {line_of[~later][0]}.")
     rows = rows[later]
-    if description.contact_force_N is not None and choices[-1].quantity == "force":
-        rows = _from_contact(file, rows, description.contact_force_N, notes)
+    if description.presses:
+        rows = _from_contact(file, rows, description, notes)
     if len(rows) < SMALLEST_CURVE_ROWS:
         raise InputError(f"{file}: {len(rows)} usable rows; a curve needs at least {SMALLEST_CURVE_ROWS}.")
     rows[:, 0] -= rows[0, 0]
@@ -293,20 +301,38 @@ def _signed(values: np.ndarray, sign: float, what: str, convention: str, notes: 
     return -values + 0.0  # no -0
 
 
-def _from_contact(file: Path, rows: np.ndarray, force_N: float, notes: list[str]) -> np.ndarray:
-    """The rows from first contact on; the displacement is zero in the first of them."""
+def _from_contact(file: Path, rows: np.ndarray, description: TestDescription, notes: list[str]) -> np.ndarray:
+    """The rows with the displacement zero at first contact, and the force zero before."""
+    assert description.tool is not None
+    power, force_N = CONTACT_POWERS.get(description.tool["shape"], 1.0), description.contact_force_N
+    approach = approach_of(rows[:, 1], rows[:, 2], power, description.noise.get("force_sd_N", 0.0))
+    rows = rows.copy()
+    if approach is not None:
+        rows[:, 1] -= approach.contact
+        notes.append(
+            f"{file}: the tool does not touch in the first {approach.rows} rows: their force is within the noise. The "
+            f"displacement is zero at contact, {approach.contact:.4g} mm by the power {power:g} of the force; identify fits it."
+        )
+        if abs(approach.force) > FAR_FROM_ZERO_SDS * approach.sd / np.sqrt(approach.rows):
+            rows[:, 2] -= approach.force
+            notes.append(f"{file}: the mean force of these rows, {approach.force:.3g} N, is subtracted.")
+    if force_N is None:
+        return rows
     pressing = np.flatnonzero(np.abs(rows[:, 2]) >= force_N)
     if not len(pressing):
         raise InputError(f"{file}: the force never reaches the contact force of {force_N:g} N; give a smaller `contact_force_N`.")
     begin = int(pressing[0])
+    rows = rows[begin:]
+    if begin and approach is None and len(rows) >= SMALLEST_CURVE_ROWS:
+        contact = contact_before(rows[:, 1], rows[:, 2], power)
+        rows[:, 1] -= contact
+        notes.append(f"{file}: the displacement is zero at contact, {contact:.4g} mm by the power {power:g} of the force.")
     if begin:
-        notes.append(f"{file}: {begin} rows before contact ({force_N:g} N) are omitted; the displacement is zero at contact.")
-    rows = rows[begin:].copy()
-    rows[:, 1] -= rows[0, 1]
+        notes.append(f"{file}: {begin} rows before contact ({force_N:g} N) are omitted.")
     return rows
 
 
-def _toml(name: str, ids: Sequence[str], description: TestDescription) -> str:
+def _toml(name: str, tables: Mapping[str, np.ndarray], description: TestDescription) -> str:
     """The text of dataset.toml."""
     lines = ["# All keys: explicitfe schema dataset. Validate this folder with: explicitfe check FOLDER"]
     head = {
@@ -321,10 +347,12 @@ def _toml(name: str, ids: Sequence[str], description: TestDescription) -> str:
     for key, table in (("specimen", description.specimen), ("tool", description.tool), ("noise", description.noise)):
         if table:
             lines += ["", f"[{key}]", *(f"{toml_key(inner)} = {toml_value(value)}" for inner, value in table.items())]
-    for curve in ids:
+    for curve, rows in tables.items():
         lines += ["", "[[curve]]", f"id = {toml_value(curve)}", f"file = {toml_value(f'{curve}.csv')}"]
-        if description.one_specimen and len(ids) > 1:
+        if description.one_specimen and len(tables) > 1:
             lines.append('group = "specimen"')
+        if description.presses and rows[0, 1] != 0.0:
+            lines.append('contact = "fit"  # The displacement of first contact is fitted with the constants.')
     return "\n".join(lines) + "\n"
 
 

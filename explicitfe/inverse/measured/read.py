@@ -212,6 +212,8 @@ def _curve(table: DatasetFile, number: int, source: DatasetToml) -> Curve:
     kind: Kind = "force-displacement" if setup.tool is not None else KINDS[table.test].kind
     if setup.tool is not None and setup.specimen is not None and setup.specimen.shape == "point":
         raise source.fault(("specimen", "shape"), 'a specimen of shape "point" cannot have a [tool]; give its dimensions.')
+    if entry.contact is not None and (setup.tool is None or setup.tool.shape == "bonded-disc"):
+        raise source.fault(("curve", number, "contact"), "contact is for a tool that comes into contact; remove it.")
     csv = CurveCsv(source.path.parent / entry.file, kind, [sensor.name for sensor in table.sensor])
     check_units(csv, setup)
     check_noise(csv, setup, table, number, source)
@@ -236,6 +238,7 @@ def _curve(table: DatasetFile, number: int, source: DatasetToml) -> Curve:
         columns=si,
         sensors={name: 1e-3 * position[used] for name, position in csv.sensors().items()},
         start_s=None if entry.start_s == "fit" else entry.start_s,
+        fit_contact=entry.contact is not None,
     )
 
 

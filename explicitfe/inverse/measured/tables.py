@@ -247,6 +247,10 @@ class CurveTable(Table):
         "sampling intervals",
     )
     until_s: float | None = Field(default=None, gt=0.0, description="time in the file after which rows are not used")
+    contact: Literal["fit"] | None = Field(
+        default=None,
+        description='"fit": the displacement of first contact is fitted with the constants; default: the tool touches at 0',
+    )
     split: Split | None = Field(default=None, description="fit, or holdout: predicted, not fitted; default: chosen by a rule")
     specimen: RawTable = Field(default={}, description="keys that differ from those of [specimen]")
     tool: RawTable = Field(default={}, description="keys that differ from those of [tool]")

@@ -14,6 +14,7 @@ from explicitfe.fem.materials.yeoh import Yeoh
 from explicitfe.fem.solve.equilibrium import Relaxation
 from explicitfe.fem.solve.load_outcome import Stuck
 from explicitfe.fem.solve.revolution import Revolution, ToolState
+from explicitfe.inverse.measured.contact import CONTACT_POWERS
 from explicitfe.inverse.measured.course import Course, course_of
 from explicitfe.inverse.measured.curve import Curve, programme_of, sd_of
 from explicitfe.inverse.predict.experiment import CurveAnswer, start_times
@@ -28,7 +29,6 @@ from explicitfe.simulate.anatomy.specimen import specimen_model
 # is on the safe side.
 FALL_MARGIN_FACTOR = 1.2
 # The force of a tool falls to zero with this power of the depth (Hertz's for a sphere); that of a flat tool falls linearly.
-CONTACT_POWERS = {"sphere": 1.5}
 # Newton's method may fail where soft tissue snaps over a sharp edge. It then tries a section whose elements pass it elsewhere.
 SECTION_SHARES = (1.0, 0.85)
 # A test is given up when its loads need more iterations than this on average, so that its cost has a bound. At the usual numerics

@@ -80,7 +80,13 @@ class ComparedLaw(TypedDict):
 
 
 class IdentifiedCurve(TypedDict):
-    """Errors of one curve; all but ``nrmse``, a share of the largest measured value, are in the curve's unit."""
+    """Errors of one curve; all but ``nrmse``, a share of the largest measured value, are in the curve's unit.
+
+    Attributes
+    ----------
+    contact_mm, contact_ci95_mm : fitted displacement of first contact, with its 95 % interval.
+    rows_before_contact : rows with a smaller displacement.
+    """
 
     split: Literal["fit", "holdout"]
     unit: str
@@ -90,6 +96,9 @@ class IdentifiedCurve(TypedDict):
     nrmse: float
     largest_error: float
     first_value: float
+    contact_mm: NotRequired[float]
+    contact_ci95_mm: NotRequired[list[Computed]]
+    rows_before_contact: NotRequired[int]
 
 
 class MeanErrors(TypedDict):

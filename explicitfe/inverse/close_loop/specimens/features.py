@@ -6,14 +6,15 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from explicitfe.inverse.close_loop.specimens.series import WAITING_SHARE_OF_PACE, rest_of
+from explicitfe.inverse.close_loop.specimens.series import WAITING_SHARE_OF_PACE, moved_of
 from explicitfe.inverse.close_loop.statistics.system import Series
-from explicitfe.inverse.measured.curve import Curve, programme_of
+from explicitfe.inverse.measured.curve import Curve, programme_of, sd_of
 from explicitfe.inverse.predict.experiment import cycle_of
 
 # A stop that is shorter, as a share of the duration, is the turn of a machine; a return that is shorter, as a share of the range,
 # is its play; a force that is less negative, as a share of the largest, is the zero of the load cell.
 HOLD_SHARE, UNLOADING_SHARE, PULL_SHARE = 0.1, 0.05, 0.01
+PULL_NOISE_FACTOR = 4.0  # A force that is less negative than so many times its noise does not pull.
 # Rates whose ratio is smaller hardly distinguish time from strain.
 RATE_RATIO = 1.5
 
@@ -38,8 +39,10 @@ def features_of(curves: Sequence[Curve], series: Sequence[Series]) -> set[str]:
     directions: dict[str, set[str]] = {}
     for curve, one in zip(curves, series, strict=True):
         held = np.diff(one.time_s) @ (one.phase[1:] == "hold") / one.time_s[-1]
-        if curve.tool is not None and curve.force_N.min() < -PULL_SHARE * np.abs(curve.force_N).max():
-            features.add("force that pulls")
+        if curve.tool is not None:
+            noise = PULL_NOISE_FACTOR * (sd_of(curve, "force_N") or 0.0)
+            if curve.force_N.min() < -max(PULL_SHARE * float(np.abs(curve.force_N).max()), noise):
+                features.add("force that pulls")
         if _unloading(curve) > UNLOADING_SHARE:
             features |= {"unloading", "time"}
         if held > HOLD_SHARE:
@@ -58,7 +61,7 @@ def features_of(curves: Sequence[Curve], series: Sequence[Series]) -> set[str]:
 
 def _loading_pace(curve: Curve) -> float:
     """Median pace of loading, in the unit of the imposed column per second."""
-    moved = np.abs(programme_of(curve) - rest_of(curve))
+    moved = moved_of(curve, programme_of(curve))
     pace = np.diff(moved) / np.diff(curve.time_s)
     rising = pace > WAITING_SHARE_OF_PACE * pace.max(initial=0.0)
     return float(np.median(pace[rising])) if rising.any() else 0.0
@@ -66,5 +69,5 @@ def _loading_pace(curve: Curve) -> float:
 
 def _unloading(curve: Curve) -> float:
     """How far the programme returns towards rest, as a share of its range."""
-    moved = np.abs(programme_of(curve) - rest_of(curve))
+    moved = moved_of(curve, programme_of(curve))
     return float((np.maximum.accumulate(moved) - moved).max() / max(moved.max(), 1e-300))

@@ -21,9 +21,9 @@ from explicitfe.inverse.identify.compare_laws import (
     range_test,
     stretches_in_data,
 )
-from explicitfe.inverse.identify.fit import Observed
 from explicitfe.inverse.identify.forward import CurveModel, PointResponse
 from explicitfe.inverse.identify.laws import FIT_LAWS
+from explicitfe.inverse.identify.observed import Observed
 
 MU_PA, POISSON, NOISE_SHARE, ROWS = 25e3, 0.499, 0.005, 80
 ALPHAS = (4.0, 1.2, 8.0)

@@ -16,8 +16,9 @@ from pathlib import Path
 import numpy as np
 
 from explicitfe.app.api.inverse import identify
-from explicitfe.inverse.identify.fit import NAMES, Fit, Observed, Problem, least_squares_fit
+from explicitfe.inverse.identify.fit import NAMES, Fit, Problem, least_squares_fit
 from explicitfe.inverse.identify.forward import FIRST_Q, CurveModel, ToolResponse, depths, ratio, smoothest
+from explicitfe.inverse.identify.observed import Observed
 from explicitfe.inverse.identify.paper import PaperFit, by_simulator, first_guess, identify_by_paper
 from explicitfe.inverse.predict.setup import Setup
 

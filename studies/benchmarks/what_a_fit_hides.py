@@ -15,8 +15,9 @@ from typing import Any
 import numpy as np
 
 from explicitfe.inverse.identify.assumptions import Alternative, what_a_fit_hides
-from explicitfe.inverse.identify.fit import Fit, Observed, least_squares_fit
+from explicitfe.inverse.identify.fit import Fit, least_squares_fit
 from explicitfe.inverse.identify.forward import FIRST_Q, CurveModel, ToolResponse, depths, forces, ratio, smoothest
+from explicitfe.inverse.identify.observed import Observed
 from explicitfe.inverse.predict.setup import Setup
 from explicitfe.platform.errors import RunError
 

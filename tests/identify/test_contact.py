@@ -12,9 +12,10 @@ from identify_cases import DEEPEST_M, TRUTH, response
 
 from explicitfe.inverse.close_loop.specimens.features import features_of
 from explicitfe.inverse.close_loop.specimens.series import series_of
-from explicitfe.inverse.identify.fit import Observed, contact_interval, least_squares_fit
+from explicitfe.inverse.identify.fit import contact_interval, least_squares_fit
 from explicitfe.inverse.identify.forward import CurveModel
 from explicitfe.inverse.identify.laws import FIT_LAWS
+from explicitfe.inverse.identify.observed import Observed
 from explicitfe.inverse.measured.contact import approach_of, contact_before
 from explicitfe.inverse.measured.read import read_dataset
 

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 from identify_cases import LOADS_N, TRUTH, response
 
-from explicitfe.inverse.identify.fit import NAMES, Observed, Problem, least_squares_fit, profile_curve
+from explicitfe.inverse.identify.fit import NAMES, Problem, least_squares_fit, profile_curve
 from explicitfe.inverse.identify.forward import CurveModel, PointResponse
+from explicitfe.inverse.identify.observed import Observed
 
 NOISE_M = 10e-6
 

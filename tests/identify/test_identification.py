@@ -22,8 +22,9 @@ from explicitfe.fem.materials.yeoh import Yeoh
 from explicitfe.fem.solve import point
 from explicitfe.inverse.identify import forward
 from explicitfe.inverse.identify.assumptions import Alternative, alternatives, what_a_fit_hides
-from explicitfe.inverse.identify.fit import Observed, least_squares_fit
+from explicitfe.inverse.identify.fit import least_squares_fit
 from explicitfe.inverse.identify.forward import FIRST_Q, CurveModel, ToolResponse
+from explicitfe.inverse.identify.observed import Observed
 from explicitfe.inverse.measured.read import read_dataset
 from explicitfe.inverse.measured.select import loading_rows, select
 from explicitfe.inverse.predict.setup import Setup

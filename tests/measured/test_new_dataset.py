@@ -13,9 +13,10 @@ from answers import check_answer
 from command import command
 
 from explicitfe.app.cli import asking
+from explicitfe.inverse.measured.columns import chosen, guessed
 from explicitfe.inverse.measured.export import read_export
 from explicitfe.inverse.measured.new_dataset import usual_folder
-from explicitfe.inverse.measured.quantities import chosen, guessed, unit_of
+from explicitfe.inverse.measured.quantities import unit_of
 from explicitfe.inverse.measured.read import read_dataset
 from explicitfe.platform.errors import InputError
 from explicitfe.platform.host import shipped
@@ -129,7 +130,9 @@ def test_rows_that_cannot_be_used_are_left_out_and_said(
         assert words in notes
     curve = read_dataset("b").curves[0]
     np.testing.assert_allclose(curve.time_s, [0.0, 0.002, 0.003, 0.004])
-    np.testing.assert_allclose(curve.displacement_m, [0.0, 0.4e-3, 0.6e-3, 0.8e-3], atol=1e-12)
+    # The line through the forces 0.05, 0.2, 0.3 and 0.4 N is zero 0.095 mm before the first of them.
+    np.testing.assert_allclose(1e3 * curve.displacement_m, 0.0951 + np.array([0.0, 0.4, 0.6, 0.8]), atol=1e-4)
+    assert curve.fit_contact
 
 
 def test_many_rows_are_thinned(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:

@@ -23,9 +23,10 @@ from explicitfe.platform.host.shipped import MARKER_SUFFIXES
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from explicitfe.inverse.measured.columns import Choice
     from explicitfe.inverse.measured.export import Export
     from explicitfe.inverse.measured.new_dataset import NewDataset, Strip
-    from explicitfe.inverse.measured.quantities import Choice, Quantity
+    from explicitfe.inverse.measured.quantities import Quantity
     from explicitfe.inverse.measured.tables import RawTable, TestKind
 
 TESTS = ("compression", "indentation", "tension", "shear", "trajectory")
@@ -211,8 +212,8 @@ def new_dataset(
     sources: list[tuple[Export, Sequence[Choice]]] = []
     stated = columns
     for export in exports:
-        found = [_choice(export, quantity, stated[quantity], lacking) for quantity in quantities[rate is not None :]]
-        choices = [choice for choice in found if choice is not None]
+        answers = [_choice(export, quantity, stated[quantity], lacking) for quantity in quantities[rate is not None :]]
+        choices = [choice for choice in answers if choice is not None]
         sources.append((export, choices))
         # Answers for one file are used for the next one if it has such columns.
         stated = columns | {choice.quantity: f"{choice.column.name}:{choice.unit}" for choice in choices}
@@ -285,15 +286,16 @@ def _show(export: Export) -> None:
 
 def _only_stress(export: Export, kind: str) -> bool:
     """Whether a file of a compression or tension test has a stress column and no force column."""
-    from explicitfe.inverse.measured.quantities import guessed
+    from explicitfe.inverse.measured.columns import guessed
 
     return kind != "indentation" and guessed(export, "force") is None and guessed(export, "stress") is not None
 
 
 def _choice(export: Export, quantity: Quantity, stated: str | None, lacking: list[str]) -> Choice | None:
     """Column and unit of a quantity: as given, by its name, or by asking."""
+    from explicitfe.inverse.measured.columns import Choice, chosen, guessed
     from explicitfe.inverse.measured.new_dataset import missing
-    from explicitfe.inverse.measured.quantities import QUANTITIES, Choice, chosen, guessed, unit_of
+    from explicitfe.inverse.measured.quantities import QUANTITIES, unit_of
 
     column, unit = None, None
     if stated is not None:
@@ -397,7 +399,7 @@ def _strip(length_mm: float | None, area_mm2: float | None, lacking: list[str]) 
 
 def _rate(given: float | None, export: Export, time: str | None) -> float | None:
     """Loading rate, if there is no time column."""
-    from explicitfe.inverse.measured.quantities import guessed
+    from explicitfe.inverse.measured.columns import guessed
 
     if given is not None or time is not None or guessed(export, "time") is not None or not asking.somebody_is_there():
         return given

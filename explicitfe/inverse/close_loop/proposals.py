@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from explicitfe.inverse.close_loop.specimens.lengths import with_length
-from explicitfe.inverse.close_loop.specimens.series import moved_of, rest_of
+from explicitfe.inverse.close_loop.specimens.series import distance_from_rest, rest_of
 from explicitfe.inverse.measured.curve import Curve, programme_of
 from explicitfe.inverse.measured.rig import RigLimits
 from explicitfe.inverse.predict.experiment import cycle_of
@@ -191,12 +191,12 @@ def _with(curve: Curve, **conditions: str) -> Curve:
 
 def _load(curve: Curve) -> float:
     """The largest distance from rest."""
-    return float(moved_of(curve, programme_of(curve)).max())
+    return float(distance_from_rest(curve, programme_of(curve)).max())
 
 
 def _ramp(curve: Curve) -> tuple[np.ndarray, np.ndarray]:
     """Times (k,) s and programme (k,) up to the largest load."""
-    top = max(int(np.argmax(moved_of(curve, programme_of(curve)))), 1)
+    top = max(int(np.argmax(distance_from_rest(curve, programme_of(curve)))), 1)
     return curve.time_s[: top + 1], programme_of(curve)[: top + 1]
 
 

@@ -14,8 +14,9 @@ from typing import Literal
 import numpy as np
 from scipy.optimize import lsq_linear
 
-from explicitfe.inverse.identify.fit import Fit, Observed, Problem
+from explicitfe.inverse.identify.fit import Fit, Problem
 from explicitfe.inverse.identify.forward import depths, forces, smoothest
+from explicitfe.inverse.identify.observed import Observed
 from explicitfe.inverse.measured.curve import Curve
 from explicitfe.inverse.predict.setup import Setup, SpecimenKeys, ToolKeys
 from explicitfe.platform.errors import InputError, RunError

@@ -19,9 +19,10 @@ from scipy.optimize import brentq
 from scipy.stats import norm
 
 from explicitfe.fem.materials.stability import STRETCHES_IN_USE, Loss, loss_of_stability
-from explicitfe.inverse.identify.fit import CONFIDENCE_LEVEL, Fit, Observed, least_squares_fit
+from explicitfe.inverse.identify.fit import CONFIDENCE_LEVEL, Fit, least_squares_fit
 from explicitfe.inverse.identify.forward import PointResponse, UniformResponse
 from explicitfe.inverse.identify.laws import FitLaw
+from explicitfe.inverse.identify.observed import Observed
 from explicitfe.platform.errors import RunError
 
 LOWER_SHARE = 0.5  # The lower part of the range, for the test of the range.

@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 from explicitfe.inverse.identify.assumptions import alternatives
-from explicitfe.inverse.identify.fit import Observed
 from explicitfe.inverse.identify.forward import FIRST_Q, CurveModel, PointResponse, Response, ToolResponse, UniformResponse
 from explicitfe.inverse.identify.laws import FIT_LAWS, YEOH, FitLaw
+from explicitfe.inverse.identify.observed import Observed
 from explicitfe.inverse.measured.contact import contact_start
 from explicitfe.inverse.measured.curve import Curve, programme_of, sd_of
 from explicitfe.inverse.measured.select import Group

@@ -9,7 +9,8 @@ import numpy as np
 
 from explicitfe.inverse.identify.assumptions import Hidden
 from explicitfe.inverse.identify.compare_laws import LawFit, RangeTest
-from explicitfe.inverse.identify.fit import Fit, Observed
+from explicitfe.inverse.identify.fit import Fit
+from explicitfe.inverse.identify.observed import Observed
 from explicitfe.inverse.identify.paper import PaperFit
 from explicitfe.inverse.measured.curve import PRINTED_UNITS
 from explicitfe.inverse.measured.select import Group

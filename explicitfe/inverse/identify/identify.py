@@ -19,11 +19,12 @@ from explicitfe.inverse.identify.compare_laws import (
     range_test,
     stretches_in_data,
 )
-from explicitfe.inverse.identify.fit import Fit, Observed, least_squares_fit, with_intervals
+from explicitfe.inverse.identify.fit import Fit, least_squares_fit, with_intervals
 from explicitfe.inverse.identify.forward import FIRST_Q, ToolResponse, ratio
 from explicitfe.inverse.identify.forward_models import ForwardModels
 from explicitfe.inverse.identify.group_fit import GroupFit
 from explicitfe.inverse.identify.laws import ALL, YEOH, FitLaw, requested_laws
+from explicitfe.inverse.identify.observed import Observed
 from explicitfe.inverse.identify.paper import PaperFit, by_simulator, first_guess, force_steps, identify_by_paper
 from explicitfe.inverse.identify.pictures import GroupPictures, pictures_of
 from explicitfe.inverse.identify.summary import group_rows

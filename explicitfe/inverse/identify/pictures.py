@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from explicitfe.inverse.identify.fit import FEW_CONSTANTS, Fit, Observed, profile_curve
+from explicitfe.inverse.identify.fit import FEW_CONSTANTS, Fit, profile_curve
 from explicitfe.inverse.identify.fitted_test import FittedTest
 from explicitfe.inverse.identify.group_fit import GroupFit
+from explicitfe.inverse.identify.observed import Observed
 from explicitfe.inverse.identify.paper import PaperFit
 from explicitfe.inverse.measured.curve import PRINTED_UNITS, Curve
 from explicitfe.inverse.predict.setup import Setup

@@ -9,9 +9,10 @@ import numpy as np
 
 from explicitfe.inverse.identify.assumptions import Hidden
 from explicitfe.inverse.identify.compare_laws import LawFit
-from explicitfe.inverse.identify.fit import Fit, Observed, contact_interval
+from explicitfe.inverse.identify.fit import Fit, contact_interval
 from explicitfe.inverse.identify.group_fit import GroupFit, root_mean_square
 from explicitfe.inverse.identify.laws import YEOH
+from explicitfe.inverse.identify.observed import Observed
 from explicitfe.inverse.identify.paper import AGREEMENT_M, AGREEMENT_SHARE, ALPHA_M, BETA_M, PaperFit
 from explicitfe.inverse.identify.warnings import group_warnings
 from explicitfe.inverse.measured.curve import PRINTED_UNITS, Curve

@@ -8,10 +8,11 @@ import numpy as np
 
 from explicitfe.fem.materials.stability import STRETCHES_IN_USE, loss_of_stability
 from explicitfe.inverse.identify.assumptions import sentence
-from explicitfe.inverse.identify.fit import Observed, contact_interval
+from explicitfe.inverse.identify.fit import contact_interval
 from explicitfe.inverse.identify.forward import UniformResponse
 from explicitfe.inverse.identify.group_fit import GroupFit
 from explicitfe.inverse.identify.laws import ALL
+from explicitfe.inverse.identify.observed import Observed
 from explicitfe.inverse.measured.contact import about_contact
 from explicitfe.inverse.measured.curve import Curve, SpecimenDataset
 from explicitfe.inverse.measured.select import Group

@@ -12,7 +12,7 @@ import numpy as np
 from explicitfe.inverse.measured.quantities import is_measure, is_name, is_unit
 from explicitfe.platform.errors import InputError
 
-MISSING = {"", "-", "--", "---", "nan", "n/a", "na", "null", "none", "#n/a", "#nv"}
+EMPTY_CELLS = {"", "-", "--", "---", "nan", "n/a", "na", "null", "none", "#n/a", "#nv"}
 _SPACES = "\u00a0\u202f\u2009 "
 # Decimal mark -> numbers with it; the first group is the separator of thousands.
 _NUMBERS = {
@@ -66,7 +66,7 @@ def numbers_of(cells: Sequence[str], decimal: str) -> tuple[np.ndarray, list[int
             long = number if match[1] is None and abs(values[number]) >= 1000.0 and "e" not in cell.lower() else long
         elif (clock := _CLOCK.fullmatch(cell)) is not None:
             values[number] = 3600 * int(clock[1]) + 60 * int(clock[2]) + float(clock[3].replace(",", "."))
-        elif cell.lower() not in MISSING:
+        elif cell.lower() not in EMPTY_CELLS:
             texts.append(number)
     return values, texts, long if separated else None
 
@@ -93,8 +93,8 @@ def decimal_mark(path: Path, columns: Sequence[Sequence[str]], line_of: Sequence
     unclear, whole = [], False
     for cells in columns:
         marked = ((line, cell) for line, cell in zip(line_of, cells, strict=True) if set(cell) & set(".,"))
-        unclear += (found := [row for row in marked if _NUMBERS["."].fullmatch(row[1])])
-        whole |= bool(found) and any(re.fullmatch(r"[+-]?[1-9]\d\d", cell) for cell in cells)
+        unclear += (both := [row for row in marked if _NUMBERS["."].fullmatch(row[1])])
+        whole |= bool(both) and any(re.fullmatch(r"[+-]?[1-9]\d\d", cell) for cell in cells)
     seen = {mark for _, cell in unclear for mark in ".," if mark in cell}
     if whole and len(seen) == 1:
         return "," if seen == {"."} else "."

@@ -16,7 +16,7 @@ CONTACT_POWERS = {"sphere": 1.5}  # of the force, by the shape of the tool; 1 fo
 # The power of the tool holds for small depths: rows above this share of the largest force are not used.
 SMALL_FORCE_SHARE = 0.3
 FEWEST_ROWS_OF_CONTACT = 5
-TRIED_PLACES = 60
+TRIED_CONTACTS = 60
 # Rows are an approach if contact after them lowers chi2 by more than this, and the slope of their force is below so many errors.
 CONTACT_CHI2 = 25.0
 LARGEST_SLOPE_SDS = 3.0
@@ -59,13 +59,13 @@ def approach_of(displacement: np.ndarray, force: np.ndarray, power: float, sd: f
     before = int(np.argmax(x > contact))
     if before < FEWEST_ROWS_OF_CONTACT:
         return None
-    still, way = y[:before], x[:before] - x[:before].mean()
-    line = float(way @ still) / max(float(way @ way), 1e-300)
-    noise = max(float(np.std(still - line * way, ddof=2)), sd, 1e-9 * float(np.abs(force).max()))
+    idle, moved = y[:before], x[:before] - x[:before].mean()
+    slope = float(moved @ idle) / max(float(moved @ moved), 1e-300)
+    noise = max(float(np.std(idle - slope * moved, ddof=2)), sd, 1e-9 * float(np.abs(force).max()))
     _, first_error = _contact(x, y, power, float(x[0] - np.ptp(x)), float(x[0]))
-    if first_error - error < CONTACT_CHI2 * noise**2 or abs(line) * np.sqrt(way @ way) > LARGEST_SLOPE_SDS * noise:
+    if first_error - error < CONTACT_CHI2 * noise**2 or abs(slope) * np.sqrt(moved @ moved) > LARGEST_SLOPE_SDS * noise:
         return None
-    return Approach(before, contact, float(still.mean()), noise)
+    return Approach(before, contact, float(idle.mean()), noise)
 
 
 def contact_before(displacement: np.ndarray, force: np.ndarray, power: float) -> float:
@@ -85,11 +85,11 @@ def _contact(x: np.ndarray, y: np.ndarray, power: float, low: float, high: float
         basis = np.stack([depth, np.ones(len(x))] if offset else [depth], axis=1)
         return float(((y - basis @ np.linalg.lstsq(basis, y, rcond=None)[0]) ** 2).sum())
 
-    places = np.linspace(low, high, TRIED_PLACES)
+    places = np.linspace(low, high, TRIED_CONTACTS)
     best = int(np.argmin([error(place) for place in places]))
-    around = places[max(best - 1, 0)], places[min(best + 1, TRIED_PLACES - 1)]
-    found = minimize_scalar(error, bounds=around, method="bounded", options={"xatol": 1e-6 * (high - low)})
-    return float(found.x), float(found.fun)
+    around = places[max(best - 1, 0)], places[min(best + 1, TRIED_CONTACTS - 1)]
+    least = minimize_scalar(error, bounds=around, method="bounded", options={"xatol": 1e-6 * (high - low)})
+    return float(least.x), float(least.fun)
 
 
 def approach_of_curve(curve: Curve) -> Approach | None:

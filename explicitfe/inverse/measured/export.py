@@ -14,7 +14,15 @@ from pathlib import Path
 
 import numpy as np
 
-from explicitfe.inverse.measured.cells import BRACKETED, MISSING, decimal_mark, is_number, is_unit_row, name_and_unit, numbers_of
+from explicitfe.inverse.measured.cells import (
+    BRACKETED,
+    EMPTY_CELLS,
+    decimal_mark,
+    is_number,
+    is_unit_row,
+    name_and_unit,
+    numbers_of,
+)
 from explicitfe.inverse.measured.files import SMALLEST_CURVE_ROWS, lines_of
 from explicitfe.inverse.measured.quantities import is_name, is_unit
 from explicitfe.platform.errors import InputError, nearest, shortened
@@ -105,7 +113,7 @@ class _Layout:
 
     def count(self, cells: Sequence[str]) -> tuple[int, int]:
         """Numbers of cells with a number and of cells with text in the columns of numbers."""
-        filled = [cells[k] for k in self.numeric if k < len(cells) and cells[k].lower() not in MISSING]
+        filled = [cells[k] for k in self.numeric if k < len(cells) and cells[k].lower() not in EMPTY_CELLS]
         numbers = sum(map(is_number, filled))
         return numbers, len(filled) - numbers
 
@@ -222,7 +230,7 @@ def _layout(path: Path, lines: Sequence[str]) -> _Layout:
         if not rows:
             continue
         width = max(rows, key=lambda width: (len(rows[width]), width))
-        filled = [[row[k] for row in rows[width] if row[k].lower() not in MISSING] for k in range(width)]
+        filled = [[row[k] for row in rows[width] if row[k].lower() not in EMPTY_CELLS] for k in range(width)]
         numbers = [sum(map(is_number, column)) for column in filled]
         numeric = [k for k in range(width) if numbers[k] >= FEWEST_NUMBERS_SHARE * len(filled[k])]
         # Of two readings that give as many rows the one with less text is right: "0,5 1,5" has two cells, not "5 1".

@@ -11,11 +11,12 @@ from pathlib import Path
 import numpy as np
 from typing_extensions import TypedDict
 
+from explicitfe.inverse.measured.columns import Choice, guessed
 from explicitfe.inverse.measured.contact import CONTACT_POWERS, approach_of, contact_before
 from explicitfe.inverse.measured.curve import TIME
 from explicitfe.inverse.measured.export import MOST_ROWS_OUTSIDE, MOST_ROWS_OUTSIDE_SHARE, Export
 from explicitfe.inverse.measured.files import LARGEST_CURVE_ROWS, SMALLEST_CURVE_ROWS
-from explicitfe.inverse.measured.quantities import QUANTITIES, Choice, Quantity, guessed, measure_of
+from explicitfe.inverse.measured.quantities import QUANTITIES, Quantity, measure_of
 from explicitfe.inverse.measured.read import read_dataset
 from explicitfe.inverse.measured.tables import RawTable, TestKind
 from explicitfe.inverse.measured.units import FAR_FROM_ZERO_SHARE

@@ -12,7 +12,7 @@ from explicitfe.inverse.measured.tables import DatasetFile, MeasuredSpecimen, Me
 from explicitfe.platform.errors import InputError
 
 # All limits are wide: a curve that is merely unusual must pass.
-_STRETCH_LIMITS = (0.05, 100.0)
+_STRETCH_LIMITS = (0.05, 50.0)
 _LARGEST_FIRST_STRETCH = 10.0
 _LARGEST_SHEAR_STRAIN = 10.0
 # A displacement given in metres is a thousandth of the one in mm: it stays below these shares of the specimen's thickness and of

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from explicitfe.inverse.close_loop.specimens.series import WAITING_SHARE_OF_PACE, moved_of
+from explicitfe.inverse.close_loop.specimens.series import WAITING_SHARE_OF_PACE, distance_from_rest
 from explicitfe.inverse.close_loop.statistics.system import Series
 from explicitfe.inverse.measured.curve import Curve, programme_of, sd_of
 from explicitfe.inverse.predict.experiment import cycle_of
@@ -61,7 +61,7 @@ def features_of(curves: Sequence[Curve], series: Sequence[Series]) -> set[str]:
 
 def _loading_pace(curve: Curve) -> float:
     """Median pace of loading, in the unit of the imposed column per second."""
-    moved = moved_of(curve, programme_of(curve))
+    moved = distance_from_rest(curve, programme_of(curve))
     pace = np.diff(moved) / np.diff(curve.time_s)
     rising = pace > WAITING_SHARE_OF_PACE * pace.max(initial=0.0)
     return float(np.median(pace[rising])) if rising.any() else 0.0
@@ -69,5 +69,5 @@ def _loading_pace(curve: Curve) -> float:
 
 def _unloading(curve: Curve) -> float:
     """How far the programme returns towards rest, as a share of its range."""
-    moved = moved_of(curve, programme_of(curve))
+    moved = distance_from_rest(curve, programme_of(curve))
     return float((np.maximum.accumulate(moved) - moved).max() / max(moved.max(), 1e-300))

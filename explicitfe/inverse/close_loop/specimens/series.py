@@ -41,7 +41,7 @@ def rest_of(curve: Curve) -> float:
     return 1.0 if curve.imposed == "stretch" else 0.0
 
 
-def moved_of(curve: Curve, programme: np.ndarray) -> np.ndarray:
+def distance_from_rest(curve: Curve, programme: np.ndarray) -> np.ndarray:
     """How far the imposed column (k,) is from rest; the approach of a tool to the specimen is rest."""
     moved = np.abs(programme - rest_of(curve))
     if curve.tool is not None and curve.tool.shape != "bonded-disc" and programme.max() > 0.0:
@@ -75,7 +75,7 @@ def series_of(curve: Curve, test: str, peers: str) -> Series:
     span = max(float(np.ptp(programme)), 1e-300)
     sd = _imposed_sd(curve)
     corners = bends(curve.time_s, programme, max(BEND_SHARE_OF_RANGE * span, BEND_NOISE_FACTOR * sd))
-    moved = moved_of(curve, np.interp(curve.time_s, curve.time_s[corners], programme[corners]))
+    moved = distance_from_rest(curve, np.interp(curve.time_s, curve.time_s[corners], programme[corners]))
     pace = np.gradient(moved, curve.time_s)
     fast = float(np.quantile(np.abs(pace), FAST_ROWS_QUANTILE))
     still = WAITING_SHARE_OF_PACE * max(fast, LEAST_SHARE_OF_FASTEST_STEP * float(np.abs(pace).max()))

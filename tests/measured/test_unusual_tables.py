@@ -175,6 +175,21 @@ READ: dict[str, str] = {
     "order of columns": table(("Load (N)", "Extension (mm)", "Time (s)"), (FORCE, DISPLACEMENT, TIME), decimals=(4, 4, 2)),
     "cells aligned by blanks": table(separator=" ,   "),
     "separator at the end of rows": table(change=lambda lines: [f"{line}," for line in lines]),
+    "times of day without a unit": table(
+        ("Time", "Extension (mm)", "Load (N)"), change=each(lambda k, line: ",".join([CLOCK[k], *line.split(",")[1:]]))
+    ),
+    "results with names of their own above": table(
+        ("Time", "Extension", "Load"),
+        change=lambda lines: [
+            "Largest load (N),At (mm),Modulus (kPa)",
+            "1.33,3.12,2.1",
+            "",
+            lines[0],
+            "(s),(mm),(N)",
+            *lines[1:],
+        ],
+    ),
+    "empty columns behind": table(change=lambda lines: [f"{line},,," for line in lines]),
     "old Macintosh lines": table().replace("\n", "\r"),
 }
 
@@ -256,7 +271,22 @@ NOTED: dict[str, tuple[str, int, str]] = {
     "text between": (
         table(change=insert(30, "hold begins")),
         ROWS,
-        "1 lines of text between the rows are skipped, the first one in line 31",
+        "1 lines of text between or below the rows are skipped, the first one in line 31",
+    ),
+    "out of range to the end": (
+        table(change=each(lambda k, line: line if k < 40 else f"{line.rpartition(',')[0]},OVERLOAD")),
+        40,
+        '20 cells have text instead of a number, the first one in line 42: "OVERLOAD"',
+    ),
+    "means below": (
+        table(change=lambda lines: [*lines, "Mean,1.5,0.3"]),
+        ROWS,
+        "1 lines of text between or below the rows are skipped, the first one in line 62",
+    ),
+    "a slow channel": (
+        table(change=each(lambda k, line: line if k % 4 == 0 else f"{line.rpartition(',')[0]},")),
+        ROWS // 4,
+        "45 rows without a number in each column are omitted, the first one in line 3",
     ),
     "the last row is cut": (
         table(

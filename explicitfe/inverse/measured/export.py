@@ -183,7 +183,7 @@ def read_export(path: Path) -> Export:
             )
         texts += [(block.lines[number], column[number]) for number in with_text]
         if not np.isnan(values).all():
-            columns.append(ExportColumn(names[k], units[k], values))
+            columns.append(ExportColumn(names[k], "s" if ":" in column[0] else units[k], values))
     if texts:
         line, cell = min(texts)
         notes.append(
@@ -224,8 +224,6 @@ def _layout(path: Path, lines: Sequence[str]) -> _Layout:
             if separator == ",":  # Thousands are separated by blanks only where cells are not separated by commas.
                 cells = [cell.replace(" ", "_") for cell in cells]
             if sum(map(is_number, cells)) > 1:
-                while not cells[-1]:
-                    cells.pop()
                 rows.setdefault(len(cells), []).append(cells)
         if not rows:
             continue
@@ -253,7 +251,7 @@ def _table(path: Path, lines: Sequence[str], layout: _Layout) -> tuple[_Block, l
     InputError : too many rows of numbers are not part of it.
     """
     blocks: list[_Block] = []
-    outside: list[tuple[int, str]] = []
+    outside: list[tuple[int, str]] = []  # lines and why they are no rows of the table
     above: list[tuple[int, list[str]]] = []  # lines that may be names
     texts: list[int] = []
     for number, line in enumerate(lines, 1):
@@ -282,8 +280,9 @@ def _table(path: Path, lines: Sequence[str], layout: _Layout) -> tuple[_Block, l
         else:
             texts.append(number)
     for block in blocks:  # Below the last row there may be means and largest values.
-        while layout.count(block.rows[-1])[1]:
-            del block.rows[-1], block.lines[-1]
+        while layout.count(block.rows[-1][: layout.numeric[0] + 1])[1]:
+            del block.rows[-1]
+            block.texts.append(block.lines.pop())
     table = max(blocks, key=lambda block: len(block.rows))
     for block in blocks:
         if block is not table:
@@ -309,7 +308,9 @@ def _about_lines(path: Path, table: _Block, outside: Sequence[tuple[int, str]], 
     if outside:
         line, why = outside[0]
         count = f"{len(outside)} row{'s' * (len(outside) > 1)} of numbers"
-        if len(outside) > min(MOST_ROWS_OUTSIDE, MOST_ROWS_OUTSIDE_SHARE * (len(outside) + len(table.rows))):
+        # A few values with names of their own are no rows that the table lacks.
+        lacking = sum("another table" not in why for _, why in outside)
+        if len(outside) > MOST_ROWS_OUTSIDE or lacking > MOST_ROWS_OUTSIDE_SHARE * (len(outside) + len(table.rows)):
             raise InputError(
                 f"{path}, line {line}: this row {why} and is not part of the table of {width} columns that begins in line "
                 f"{table.lines[0]} ({count} in all); put each table into a file of its own, and export it with the same columns "
@@ -317,7 +318,8 @@ def _about_lines(path: Path, table: _Block, outside: Sequence[tuple[int, str]], 
             )
         yield f"{path}: {count} outside the table omitted, the first one in line {line}: it {why.removesuffix(',')}."
     if table.texts:
-        yield f"{path}: {len(table.texts)} lines of text between the rows are skipped, the first one in line {table.texts[0]}."
+        first = min(table.texts)
+        yield f"{path}: {len(table.texts)} lines of text between or below the rows are skipped, the first one in line {first}."
     if table.repeated:
         yield f"{path}: the names are repeated, first in line {table.repeated[0]}; all rows below are read as one table."
 

@@ -10,6 +10,7 @@ from identify_cases import LOADS_N, TRUTH, response
 
 from explicitfe.inverse.identify.fit import NAMES, Problem, least_squares_fit, profile_curve
 from explicitfe.inverse.identify.forward import CurveModel, PointResponse
+from explicitfe.inverse.identify.laws import FIT_LAWS
 from explicitfe.inverse.identify.observed import Observed
 
 NOISE_M = 10e-6
@@ -168,3 +169,14 @@ def test_fit_of_homogeneous_curves():
     fit = least_squares_fit(curves)
     assert fit.constants == pytest.approx(TRUTH, rel=1e-6)
     assert fit.profile["C20_Pa"][0] < TRUTH[1] < fit.profile["C20_Pa"][1]
+
+
+def test_constants_whose_forces_differ_by_many_orders_are_found() -> None:
+    """At a stretch of 17 a unit of C30 is a stress 80 000 times that of C10."""
+    law = FIT_LAWS["yeoh-3"]
+    stretch = np.linspace(1.0, 17.0, 12)
+    model = CurveModel(PointResponse("uniaxial", 0.499, law))
+    truth = (1e4, 20.0, 0.05)
+    observed = Observed("one", stretch, model(stretch, *truth), None, None, model)
+    fit = least_squares_fit([observed], law=law.of_any_sign(), profile=False)
+    np.testing.assert_allclose(fit.constants, truth, rtol=1e-6)

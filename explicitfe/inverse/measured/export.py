@@ -130,7 +130,7 @@ class _Layout:
 
 
 @dataclass
-class _Block:
+class _RowBlock:
     """Rows below the same names.
 
     Attributes
@@ -243,14 +243,14 @@ def _layout(path: Path, lines: Sequence[str]) -> _Layout:
     return best
 
 
-def _table(path: Path, lines: Sequence[str], layout: _Layout) -> tuple[_Block, list[str]]:
+def _table(path: Path, lines: Sequence[str], layout: _Layout) -> tuple[_RowBlock, list[str]]:
     """The longest block of rows below the same names, and notes on lines that are not read.
 
     Raises
     ------
     InputError : too many rows of numbers are not part of it.
     """
-    blocks: list[_Block] = []
+    blocks: list[_RowBlock] = []
     outside: list[tuple[int, str]] = []  # lines and why they are no rows of the table
     above: list[tuple[int, list[str]]] = []  # lines that may be names
     texts: list[int] = []
@@ -266,7 +266,7 @@ def _table(path: Path, lines: Sequence[str], layout: _Layout) -> tuple[_Block, l
         if numbers and layout.is_row(cells) and (not words or (blocks and not above)):
             names = {tuple(row) for _, row in above}
             if not blocks or not names <= blocks[-1].names:
-                blocks.append(_Block(names, above[0][0] if above else number, [], [], [], []))
+                blocks.append(_RowBlock(names, above[0][0] if above else number, [], [], [], []))
             else:
                 blocks[-1].texts += texts
                 blocks[-1].repeated += [line for line, _ in above]
@@ -298,7 +298,7 @@ def _plain(cells: Sequence[str]) -> bool:
         return False
 
 
-def _about_lines(path: Path, table: _Block, outside: Sequence[tuple[int, str]], width: int) -> Iterator[str]:
+def _about_lines(path: Path, table: _RowBlock, outside: Sequence[tuple[int, str]], width: int) -> Iterator[str]:
     """Notes on lines that are not read.
 
     Raises

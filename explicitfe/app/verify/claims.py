@@ -129,7 +129,7 @@ CLAIMS = (
         allowed=0.0,
         unit="statements",
         because="a direction is right or wrong",
-        fails="With the jaw at rest tip and blade sink by 0.3 and 0.5 mm. The groove, 0.2 mm, is 0.05 mm on the finest mesh.",
+        fails="With the jaw at rest tip and blade sink by 0.3 and 0.5 mm. On the finest mesh the groove is 0.05 mm deep.",
         figure=gerard.vowel_i,
         seconds=5.0,
     ),

@@ -86,7 +86,7 @@ def test_specimen_between_smooth_platens_is_homogeneous():
     body = {"symmetry": "sector", "radius_mm": 25.0, "height_mm": 30.0, "base": "sliding", "refinement": COARSE}
     platen = Setup(body, {"shape": "platen", "friction": 0.0}, POISSON, 1040.0)
     assert is_uniform(platen)
-    forward = UniformResponse(platen)
+    forward = UniformResponse(platen, POISSON)
     depths = np.array([1e-3, 6e-3, 12e-3])
     assert forward.at_depth(depths, *TRUTH)[0] == pytest.approx(forces(platen, TRUTH, depths), rel=2e-3)
     assert forward.at_force(forward.at_depth(depths, *TRUTH)[0], *TRUTH)[0] == pytest.approx(depths, rel=1e-9)

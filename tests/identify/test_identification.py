@@ -271,7 +271,8 @@ def test_selection_that_cannot_be(tmp_path, fit_where, sentence):
     ("options", "sentence"),
     [
         ({"method": "papr"}, 'did you mean "paper"'),
-        ({"poisson": 0.5}, "`poisson` 0.5"),
+        ({"poisson": 0.51}, "`poisson` 0.51"),
+        ({"poisson": 0.4999}, "elements under a tool need a value of at most 0.4995"),
         ({"refinement": 0.0}, "`refinement` 0"),
         ({"constants_by": "sample"}, 'cannot be grouped by "sample"'),
     ],

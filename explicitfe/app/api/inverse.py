@@ -31,12 +31,12 @@ PROPOSALS_FILE = "proposed-tests.json"
 def identify(
     dataset: Path | str,
     *,
-    law: str = "yeoh",
+    law: str | None = None,
     method: str = "least-squares",
     out: Path | str | None = None,
     fit: Sequence[str] = (),
     constants_by: str | None = None,
-    poisson: float = 0.499,
+    poisson: float | None = None,
     refinement: float = 1.5,
     overwrite: bool = False,
     progress: Progress = silent,
@@ -47,12 +47,12 @@ def identify(
     ----------
     dataset : the folder, its dataset.toml, or the name of a dataset that comes with the program.
     law : "yeoh", "neo-hooke", "mooney-rivlin", "yeoh-3", "ogden-1", "ogden-2" or "ogden-3"; "all" fits all laws and reports the
-        one with the lowest AICc.
+        one with the lowest AICc; None is Yeoh, compared with all laws in homogeneous tests.
     method : "least-squares", or "paper", the iteration of Gérard et al. (2005).
     out : folder for identify.json, pictures, and a scenario with the fitted constants; nothing is written if left out.
     fit : "KEY=VALUE" on conditions: curves that do not match are predicted only.
     constants_by : ``group`` or a condition: curves with the same value share their constants.
-    poisson : Poisson's ratio; it is assumed, not fitted.
+    poisson : Poisson's ratio, which is assumed, not fitted; None: homogeneous tests are incompressible, elements have 0.499.
     refinement : divides the element sizes of the forward model.
     overwrite : replace the files of an earlier identification in ``out``.
     progress : called with "compile" or "identify" and the completed share.

@@ -12,6 +12,8 @@ import numpy as np
 from pydantic import JsonValue
 
 from explicitfe.app.view.page.identify import identify_page
+from explicitfe.inverse.identify.forward_models import POISSON_OF_ELEMENTS
+from explicitfe.inverse.identify.identify import LARGEST_POISSON_OF_ELEMENTS
 from explicitfe.inverse.identify.laws import FIT_LAWS
 from explicitfe.inverse.identify.pictures import GroupPictures
 from explicitfe.platform.host.toml_text import toml_value
@@ -103,4 +105,7 @@ def _material(name: str, group: IdentifiedGroup, poisson: float) -> str:
     """A table of constants for the key ``material`` of a scenario."""
     values = "".join(f"{key} = {entry['value']:.6g}\n" for key, entry in group["constants"].items())
     law = FIT_LAWS[group["law"]].key
-    return f"[{toml_value(name)}]\nlaw = {toml_value(law)}\n{values}poisson = {poisson:g}\n\n"
+    ratio = f"{poisson:g}"
+    if poisson > LARGEST_POISSON_OF_ELEMENTS:
+        ratio = f"{POISSON_OF_ELEMENTS:g}  # of elements; the constants were fitted with {poisson:g}"
+    return f"[{toml_value(name)}]\nlaw = {toml_value(law)}\n{values}poisson = {ratio}\n\n"

@@ -15,13 +15,14 @@ from explicitfe.app.view.progress import following
 def identify(
     dataset: DatasetArgument,
     law: Annotated[
-        str,
+        str | None,
         typer.Option(
             "--law",
             help="Material law: yeoh | neo-hooke | mooney-rivlin | yeoh-3 | ogden-1 | ogden-2 | ogden-3 | all. "
             "With all, the law with the lowest AICc is reported.",
+            show_default="yeoh, compared with all laws in homogeneous tests",
         ),
-    ] = "yeoh",
+    ] = None,
     method: Annotated[
         str, typer.Option("--method", help="Fitting method: least-squares | paper (the iteration of Gérard et al. 2005).")
     ] = "least-squares",
@@ -43,7 +44,14 @@ def identify(
             "--constants-by", metavar="KEY", help="Share constants between curves that have the same value of this condition."
         ),
     ] = None,
-    poisson: Annotated[float, typer.Option("--poisson", help="Poisson's ratio. It is assumed, not fitted.")] = 0.499,
+    poisson: Annotated[
+        float | None,
+        typer.Option(
+            "--poisson",
+            help="Poisson's ratio. It is assumed, not fitted.",
+            show_default="0.5 (incompressible) in closed forms, 0.499 in elements",
+        ),
+    ] = None,
     refinement: Annotated[
         float, typer.Option("--refinement", help="Mesh refinement of the simulations: divides the element size.")
     ] = 1.5,
@@ -54,7 +62,7 @@ def identify(
 ) -> None:
     """Fit the constants of a material law to measured force-displacement or stress-stretch curves.
 
-    The default law is Yeoh with two constants. For homogeneous tests all laws are fitted and compared.
+    The default law is Yeoh with two constants; for homogeneous tests all laws are compared with it. --law fits one law alone.
 
     Example: [bold]explicitfe identify my-dataset --law all --out fit[/bold]
     """

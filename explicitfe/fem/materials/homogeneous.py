@@ -1,9 +1,9 @@
-"""Stress of a law in homogeneous tests, without elements: uniaxial and equibiaxial load with free sides, and simple shear.
+"""Stress of a law in homogeneous tests, without elements: uniaxial, equibiaxial and planar load with free sides, simple shear.
 
 The principal Kirchhoff stresses are tau_i = b_i - (b_1 + b_2 + b_3) / 3 + J U'(J), with b_i = stretch_i dW_iso/dstretch_i
-(Holzapfel 2000, eq. 6.81 to 6.83). Under uniaxial or equibiaxial load only the change of volume J is unknown. With the difference
-D = b_loaded - b_free at the isochoric stretch a = stretch J^(-1/3), the free sides require K/2 (J^2 - 1) = D/3 or 2 D/3, and the
-nominal stress is D / stretch. Newton's method solves this equation for all stretches at once.
+(Holzapfel 2000, eq. 6.81 to 6.83). At a given stretch only the change of volume J is unknown: a free side, without stress,
+requires K/2 (J^2 - 1) = (b_1 + b_2 + b_3) / 3 - b_free, and the nominal stress is (b_loaded - b_free) / stretch. Newton's method
+solves this equation for all stretches at once. An incompressible law, with Poisson's ratio 0.5, has J = 1.
 
 All functions accept complex stretches, so that a complex step gives exact derivatives.
 """
@@ -17,9 +17,8 @@ import numpy as np
 from explicitfe.fem.materials.law import Law
 from explicitfe.fem.materials.volumetric import bulk_modulus
 
-Mode = Literal["uniaxial", "biaxial", "shear"]
-# Share of D that the pressure carries, and the exponent of the free stretch: free = a^exponent at constant volume.
-FREE_SIDES = {"uniaxial": (1.0 / 3.0, -0.5), "biaxial": (2.0 / 3.0, -2.0)}
+Mode = Literal["uniaxial", "biaxial", "planar", "shear"]
+INCOMPRESSIBLE = 0.5  # Poisson's ratio
 COMPLEX_STEP = 1e-30
 MOST_STRETCH_ITERATIONS = 50
 CONVERGED_CHANGE = 1e-14  # of J
@@ -30,26 +29,23 @@ def nominal_stress(law: Law, mode: Mode, imposed: np.ndarray) -> np.ndarray:
 
     Parameters
     ----------
-    law : the constants; Poisson's ratio counts.
-    mode : "uniaxial" and "biaxial" take stretches, "shear" takes the amount of shear gamma.
+    law : the constants; Poisson's ratio counts, and 0.5 is incompressible.
+    mode : "uniaxial", "biaxial" and "planar" (the width is held) take stretches, "shear" takes the amount of shear gamma.
     """
     if mode == "shear":
         stretch = 0.5 * (imposed + np.sqrt(imposed * imposed + 4.0))
         b = law.stretch_derivative(np.stack([stretch, 1.0 / stretch, np.ones_like(stretch)]))
         return (b[0] - b[1]) / (stretch + 1.0 / stretch)
-    share, _ = FREE_SIDES[mode]
-    K = bulk_modulus(law.shear_modulus_Pa, law.poisson)
     J = np.ones_like(imposed)
-    for _ in range(MOST_STRETCH_ITERATIONS):
+    for _ in range(0 if law.poisson == INCOMPRESSIBLE else MOST_STRETCH_ITERATIONS):
         # The slope may come from real parts: it decides only how fast the iteration converges.
-        a = imposed.real * J.real ** (-1.0 / 3.0)
-        D_slope = stress_difference(law, mode, a + 1j * COMPLEX_STEP).imag / COMPLEX_STEP
-        residual = 0.5 * K * (J * J - 1.0) - share * stress_difference(law, mode, imposed * J ** (-1.0 / 3.0))
-        change = residual / (K * J.real + share * D_slope * a / (3.0 * J.real))
+        slope = _on_free_side(law, mode, imposed.real, J.real + 1j * COMPLEX_STEP).imag / COMPLEX_STEP
+        change = _on_free_side(law, mode, imposed, J) / slope
         J = np.where(change.real < 0.5 * J.real, J - change, 0.5 * J)
         if not (np.abs(change) > CONVERGED_CHANGE).any():
             break
-    return stress_difference(law, mode, imposed * J ** (-1.0 / 3.0)) / imposed
+    b = _deviatoric(law, mode, imposed, J)
+    return (b[0] - b[1]) / imposed
 
 
 def nominal_slope(law: Law, mode: Mode, imposed: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -58,9 +54,22 @@ def nominal_slope(law: Law, mode: Mode, imposed: np.ndarray) -> tuple[np.ndarray
     return shifted.real, shifted.imag / COMPLEX_STEP
 
 
-def stress_difference(law: Law, mode: Mode, stretch: np.ndarray) -> np.ndarray:
-    """D (n,) Pa: Kirchhoff stress along the load minus that of a free side, at isochoric stretches (n,)."""
-    free = stretch ** FREE_SIDES[mode][1]
-    third = free if mode == "uniaxial" else stretch
-    b = law.stretch_derivative(np.stack([stretch, free, third]))
-    return b[0] - b[1]
+def principal_stretches(mode: Mode, stretch: np.ndarray) -> np.ndarray:
+    """Stretches (3, n) at constant volume: along the load, of a free side, and the third one."""
+    free = stretch ** {"uniaxial": -0.5, "biaxial": -2.0, "planar": -1.0}[mode]
+    return np.stack([stretch, free, {"uniaxial": free, "biaxial": stretch, "planar": np.ones_like(stretch)}[mode]])
+
+
+def _deviatoric(law: Law, mode: Mode, stretch: np.ndarray, J: np.ndarray) -> np.ndarray:
+    """b_i (3, n) Pa, of the directions of :func:`principal_stretches`, at stretches and changes of volume (n,)."""
+    root = J ** (-1.0 / 3.0)
+    along = stretch * root
+    if mode != "planar":
+        return law.stretch_derivative(principal_stretches(mode, along))
+    return law.stretch_derivative(np.stack([along, 1.0 / (along * root), root * np.ones_like(along)]))
+
+
+def _on_free_side(law: Law, mode: Mode, stretch: np.ndarray, J: np.ndarray) -> np.ndarray:
+    """Kirchhoff stress (n,) Pa on a free side."""
+    b = _deviatoric(law, mode, stretch, J)
+    return 0.5 * bulk_modulus(law.shear_modulus_Pa, law.poisson) * (J * J - 1.0) - (b.sum(axis=0) / 3.0 - b[1])

@@ -6,13 +6,16 @@ ratio 0.499 it agrees with K/2 (J - 1)^2 to (J - 1)/2 of the pressure: J leaves 
 
 from __future__ import annotations
 
+import math
+
 from explicitfe.platform.compiled.jit import leaf
 from explicitfe.platform.compiled.simd import inverse_cube_root, log
 
 
 def bulk_modulus(shear_modulus_Pa: float, poisson: float) -> float:
     """K [Pa] from the initial shear modulus [Pa] and Poisson's ratio: K = 2 G (1 + nu) / (3 (1 - 2 nu))."""
-    return 2.0 * shear_modulus_Pa * (1.0 + poisson) / (3.0 * (1.0 - 2.0 * poisson))
+    compression = 3.0 * (1.0 - 2.0 * poisson)
+    return 2.0 * shear_modulus_Pa * (1.0 + poisson) / compression if compression else math.inf
 
 
 @leaf

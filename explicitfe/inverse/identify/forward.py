@@ -244,10 +244,10 @@ class UniformResponse:
     runs = 0
     roughness = 0.0
 
-    def __init__(self, setup: Setup, law: FitLaw = YEOH) -> None:
+    def __init__(self, setup: Setup, poisson: float, law: FitLaw = YEOH) -> None:
         self.height_m = 1e-3 * setup.height_mm
         self.area_m2 = 1e-6 * setup.area_mm2
-        self._point = PointResponse("uniaxial", setup.poisson, law)
+        self._point = PointResponse("uniaxial", poisson, law)
 
     def value(self, depth_m: np.ndarray, *constants: float) -> np.ndarray:
         """Force [N] at a depth."""

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
+from explicitfe.fem.materials.homogeneous import INCOMPRESSIBLE
 from explicitfe.inverse.identify.assumptions import alternatives
 from explicitfe.inverse.identify.forward import FIRST_Q, CurveModel, PointResponse, Response, ToolResponse, UniformResponse
 from explicitfe.inverse.identify.laws import FIT_LAWS, YEOH, FitLaw
@@ -15,6 +16,7 @@ from explicitfe.inverse.measured.curve import Curve, programme_of, sd_of
 from explicitfe.inverse.measured.select import Group
 from explicitfe.inverse.predict.setup import Setup, is_uniform, setup_of
 
+POISSON_OF_ELEMENTS = 0.499
 # Where forces are imposed, the model may sink in deeper than what was measured: a response goes so much farther.
 LARGEST_DEPTH_FACTOR = 1.15
 # So many runs of the simulator are planned for a group with a tool, for each of its meshed tests, and for the paper's method.
@@ -29,15 +31,18 @@ class ForwardModels:
 
     Attributes
     ----------
+    poisson : Poisson's ratio; None: closed forms are incompressible, and elements have 0.499.
     setups : curve with a tool -> its test.
     other_runs : simulator runs that do not belong to a response.
     """
 
     groups: list[Group]
-    poisson: float
+    poisson: float | None
     refinement: float
 
     def __post_init__(self) -> None:
+        self.of_elements = POISSON_OF_ELEMENTS if self.poisson is None else self.poisson
+        self.of_closed_forms = INCOMPRESSIBLE if self.poisson is None else self.poisson
         self.setups: dict[str, Setup] = {}
         self._responses: dict[tuple[str, str], Response] = {}
         largest: dict[str, float] = {}
@@ -45,7 +50,7 @@ class ForwardModels:
             for curve in group.fitted + group.predicted:
                 if curve.tool is None:
                     continue
-                setup = self.setups[curve.id] = setup_of(curve, self.poisson, self.refinement)
+                setup = self.setups[curve.id] = setup_of(curve, self.of_elements, self.refinement)
                 setup.tables(1.0, 0.0)
                 factor = LARGEST_DEPTH_FACTOR if curve.tool.control == "force" or curve.fit_contact else 1.0
                 depth = factor * float((curve.displacement_m - (contact_start(curve) or 0.0))[: group.rows[curve.id]].max())
@@ -63,6 +68,11 @@ class ForwardModels:
         """Whether no test needs the simulator for its fit."""
         return all(is_uniform(setup) for setup in self.setups.values())
 
+    @property
+    def reported_poisson(self) -> float:
+        """Poisson's ratio of the answer: that of elements if any test needs them."""
+        return self.of_closed_forms if self.homogeneous else self.of_elements
+
     def compile(self, laws: Sequence[FitLaw] = (YEOH,)) -> None:
         """Compile the kernels before the fit begins."""
         for setup in list(self.setups.values())[:1]:
@@ -72,13 +82,17 @@ class ForwardModels:
     def assumed(self, group: Group) -> list[str]:
         """Assumptions on the tests of a group, in words."""
         texts = {text for curve in group.fitted if curve.tool is not None for text in self.setups[curve.id].assumed}
-        return [*sorted(texts), f"Poisson's ratio {self.poisson:g}"]
+        closed = [curve.tool is None or is_uniform(self.setups[curve.id]) for curve in group.fitted]
+        poisson = {f"Poisson's ratio {self.of_closed_forms if form else self.of_elements:g}" for form in closed}
+        incompressible = f"Poisson's ratio {INCOMPRESSIBLE:g}"
+        named = [text + (" (incompressible closed form)" if text == incompressible else "") for text in sorted(poisson)]
+        return [*sorted(texts), *named]
 
     def response(self, curve: Curve, law: FitLaw = YEOH) -> Response:
         """Response of a law in the test of a curve."""
         if curve.tool is None:
             kind: Literal["uniaxial", "shear"] = "shear" if curve.kind == "shear" else "uniaxial"
-            return self._responses.setdefault((kind, law.name), PointResponse(kind, self.poisson, law))
+            return self._responses.setdefault((kind, law.name), PointResponse(kind, self.of_closed_forms, law))
         setup = self.setups[curve.id]
         uniform = is_uniform(setup)
         # Under a tool the neo-Hooke law is the Yeoh law with C20 = 0 and uses its runs.
@@ -86,7 +100,9 @@ class ForwardModels:
         key = setup.key, name
         if key not in self._responses:
             own = replace(setup, law=FIT_LAWS[name].key)
-            self._responses[key] = UniformResponse(setup, law) if uniform else ToolResponse(own, self._largest[setup.key])
+            self._responses[key] = (
+                UniformResponse(setup, self.of_closed_forms, law) if uniform else ToolResponse(own, self._largest[setup.key])
+            )
         return self._responses[key]
 
     def observed(self, curve: Curve, rows: int, law: FitLaw = YEOH) -> Observed:

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from explicitfe.fem.materials.homogeneous import INCOMPRESSIBLE
 from explicitfe.inverse.identify.assumptions import alternatives, what_a_fit_hides
 from explicitfe.inverse.identify.compare_laws import (
     LawFit,
@@ -36,7 +37,7 @@ from explicitfe.platform.host.compilation import announcing
 from explicitfe.results.documents.identification import Identification, IdentifiedGroup
 
 METHODS = ("least-squares", "paper")
-POISSON_LIMITS = (0.0, 0.4995)  # Towards 0.5 the bulk modulus grows without limit.
+LARGEST_POISSON_OF_ELEMENTS = 0.4995  # Towards 0.5 the bulk modulus grows without limit.
 REFINEMENT_LIMITS = (0.2, 4.0)
 
 # Three runs around the estimate of q = C20 / (C10 + C20) reach so many standard deviations to either side, within these limits:
@@ -55,11 +56,11 @@ LARGEST_PROGRESS_SHARE = 0.98
 def identify_constants(
     dataset: Path | str,
     *,
-    law: str = "yeoh",
+    law: str | None = None,
     method: str = "least-squares",
     fit: Sequence[str] = (),
     constants_by: str | None = None,
-    poisson: float = 0.499,
+    poisson: float | None = None,
     refinement: float = 1.5,
     progress: Progress = silent,
 ) -> tuple[Identification, dict[str, GroupPictures]]:
@@ -73,17 +74,19 @@ def identify_constants(
     begin = time.perf_counter()
     if method not in METHODS:
         raise InputError(f"`method` {shortened(method)}: {nearest(method, METHODS)}")
-    if not POISSON_LIMITS[0] <= poisson <= POISSON_LIMITS[1]:
-        raise InputError(f"`poisson` {poisson:g}: the value must lie between 0 and 0.4995.")
+    if poisson is not None and not 0.0 <= poisson <= INCOMPRESSIBLE:
+        raise InputError(f"`poisson` {poisson:g}: the value must lie between 0 and {INCOMPRESSIBLE:g}, which is incompressible.")
     if not REFINEMENT_LIMITS[0] <= refinement <= REFINEMENT_LIMITS[1]:
         raise InputError(f"`refinement` {refinement:g}: the value must lie between 0.2 and 4.")
-    if method == "paper" and law != YEOH.name:
+    if method == "paper" and law not in (None, YEOH.name):
         raise InputError(f"`law` {shortened(law)}: the paper's method identifies Yeoh constants only; omit `law` or `method`.")
     requested_laws(law, homogeneous=True)
     data = read_dataset(dataset).specimens("constants are identified from")
     if constants_by is not None:
         data = data.regrouped(constants_by)
     groups, left_out = select(data, fit)
+    if poisson is not None and poisson > LARGEST_POISSON_OF_ELEMENTS and any(c.tool for group in groups for c in group.fitted):
+        raise InputError(f"`poisson` {poisson:g}: elements under a tool need a value of at most {LARGEST_POISSON_OF_ELEMENTS:g}.")
     models = ForwardModels(groups, poisson, refinement)
     laws = [YEOH] if method == "paper" else requested_laws(law, homogeneous=models.homogeneous)
     if method == "paper":
@@ -94,7 +97,7 @@ def identify_constants(
     if models.setups:  # Tests of a point need no kernels.
         progress("load", 0.0)
         with announcing("indentation tests"):
-            models.compile([chosen for chosen in laws if law in (ALL, chosen.name)])
+            models.compile([chosen for chosen in laws if law in (ALL, chosen.name)] or laws[:1])
         progress("load", 1.0)
     work = _Work(progress, models.runs_planned(groups, method, laws))
 
@@ -108,7 +111,7 @@ def identify_constants(
             failures[group.name] = str(error)
             rows[group.name] = {"status": "failed", "message": str(error), "warnings": []}
             continue
-        rows[group.name] = group_rows(fitted, models.assumed(group), poisson)
+        rows[group.name] = group_rows(fitted, models.assumed(group), models.reported_poisson)
         setup = models.setups.get(group.fitted[0].id) if fitted.fit.law.in_elements else None
         pictures[group.name] = pictures_of(fitted, None if setup is None else replace(setup, law=fitted.fit.law.key))
         work.done()
@@ -121,8 +124,8 @@ def identify_constants(
         "path": str(data.path),
         "test": data.test,
         "method": method,
-        "law": law,
-        "poisson": poisson,
+        "law": law or YEOH.name,
+        "poisson": models.reported_poisson,
         "refinement": refinement,
         "groups": rows,
         "left_out": left_out,
@@ -227,7 +230,7 @@ def _fit_law(group: Group, models: ForwardModels, law: FitLaw, work: _Work, erro
             loss = None  # Constants under a tool are not negative.
         else:
             work.done()
-            fit, loss = fit_stable(observed, law, models.poisson, stretches_in_data(observed))
+            fit, loss = fit_stable(observed, law, models.of_closed_forms, stretches_in_data(observed))
         return LawFit(law, observed, fit, held_out=held_out_error(observed, fit.law), loss=loss)
     except RunError as error:
         return LawFit(law, observed, None, str(error))

@@ -133,25 +133,25 @@ FIT_LAWS: dict[str, FitLaw] = {
 TOOL_LAWS = ("yeoh", "neo-hooke", "mooney-rivlin")
 
 
-def requested_laws(name: str, *, homogeneous: bool) -> list[FitLaw]:
+def requested_laws(name: str | None, *, homogeneous: bool) -> list[FitLaw]:
     """The laws to fit, the reported one first; ``--law all`` reports the preferred one.
 
     Parameters
     ----------
-    name : of ``--law``.
-    homogeneous : no test needs the simulator. All laws are fitted then, for the comparison.
+    name : of ``--law``, which fits this law alone; None: Yeoh, compared with all others where that takes no simulations.
+    homogeneous : no test needs the simulator.
 
     Raises
     ------
     InputError : there is no such law, or the tests need the simulator and the law is for homogeneous tests only.
     """
-    if name != ALL and name not in FIT_LAWS:
-        raise InputError(f"`law` {shortened(name)}: there is no such law; valid are {', '.join([*FIT_LAWS, ALL])}.")
-    if not homogeneous and name != ALL and name not in TOOL_LAWS:
+    if name not in (None, ALL, *FIT_LAWS):
+        raise InputError(f"`law` {shortened(str(name))}: there is no such law; valid are {', '.join([*FIT_LAWS, ALL])}.")
+    if not homogeneous and name not in (None, ALL, *TOOL_LAWS):
         raise InputError(
             f"`law` {name}: this law is fitted to homogeneous tests only (tension, shear, compression between frictionless "
             f"platens); take {', '.join(TOOL_LAWS[:-1])} or {TOOL_LAWS[-1]} for tests under a tool."
         )
-    others = list(FIT_LAWS) if homogeneous else list(TOOL_LAWS) if name == ALL else [name]
-    first = [] if name == ALL else [name]
-    return [FIT_LAWS[other] for other in [*first, *(other for other in others if other not in first)]]
+    if name == ALL or (name is None and homogeneous):
+        return [FIT_LAWS[other] for other in (FIT_LAWS if homogeneous else TOOL_LAWS)]  # Yeoh is the first one.
+    return [FIT_LAWS[name or YEOH.name]]

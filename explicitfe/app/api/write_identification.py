@@ -51,7 +51,10 @@ def _fill(folder: Path, target: Path, identification: Identification, pictures: 
     for name, shown in pictures.items():
         title = identification["dataset"] + (f", {name}" if several else "")
         with drawing(identification["warnings"]):
-            figures.fit(file("fit", name, ".png"), title, shown.curves, shown.constants)
+            axes = list(dict.fromkeys((curve["x_label"], curve["y_label"]) for curve in shown.curves))
+            for number, labels in enumerate(axes, 1):
+                alike = [curve for curve in shown.curves if (curve["x_label"], curve["y_label"]) == labels]
+                figures.fit(file("fit" if number == 1 else f"fit-{number}", name, ".png"), title, alike, shown.constants)
             if shown.profiles is not None:
                 figures.profiles(file("profiles", name, ".png"), title, shown.profiles)
             if shown.paper is not None:

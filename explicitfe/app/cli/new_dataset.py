@@ -29,9 +29,10 @@ if TYPE_CHECKING:
     from explicitfe.inverse.measured.quantities import Quantity
     from explicitfe.inverse.measured.tables import RawTable, TestKind
 
-TESTS = ("compression", "indentation", "tension", "shear", "trajectory")
+TESTS = ("compression", "indentation", "tension", "equibiaxial", "planar", "shear", "trajectory")
+TESTS_OF_LOOP = ("compression", "indentation", "tension", "shear")  # in which effects are sought
 # Test -> its default tool.
-USUAL_TOOLS = {"compression": "platen", "indentation": "flat-cylinder", "tension": "clamps"}
+USUAL_TOOLS = {"compression": "platen", "indentation": "flat-cylinder", "tension": "clamps", "planar": "clamps"}
 TOOLS = ("platen", "flat-cylinder", "sphere", "bonded-disc", "clamps")
 CONTROLS, BASES = ("displacement", "force"), ("unknown", "bonded", "frictionless")
 ROWS_SHOWN = 3
@@ -58,7 +59,14 @@ class NewDatasetOptions:
     out: Annotated[
         Path | None, typer.Option("--out", metavar="DIR", help="Folder of the dataset.", show_default="named after the files")
     ] = None
-    test: Annotated[str | None, typer.Option("--test", help=" | ".join(TESTS), autocompletion=complete_words(TESTS))] = None
+    test: Annotated[
+        str | None,
+        typer.Option(
+            "--test",
+            help=f"{' | '.join(TESTS)}; one for each file, separated by commas, for several homogeneous tests in one dataset.",
+            autocompletion=complete_words(TESTS),
+        ),
+    ] = None
     time: Annotated[str | None, _column("time")] = None
     displacement: Annotated[str | None, _column("displacement")] = None
     force: Annotated[str | None, _column("force")] = None
@@ -202,25 +210,32 @@ def new_dataset(
         exports = [read_export(export_file(file)) for file in files]
     if asking.somebody_is_there():
         _show(exports[0])
-    kind = cast("TestKind", _word(options.test, TESTS[:-1], "--test", "Test", "compression"))
+    words = [None] if options.test is None else options.test.split(",")
+    tests = [cast("TestKind", _word(word, TESTS[:-1], "--test", "Test", "compression")) for word in words]
+    if 1 != len(tests) != len(files):
+        raise InputError(f"--test names {len(tests)} tests for {len(files)} files; give one test, or one for each file.")
+    kind = tests[0]
     lacking: list[str] = []  # A script is told at once everything that it has to state.
-    with_tool = kind != "shear" and options.stretch is None and options.stress is None and not _only_stress(exports[0], kind)
+    with_tool = len(set(tests)) == 1 and kind not in ("shear", "equibiaxial") and options.stretch is None
+    with_tool = with_tool and options.stress is None and not _only_stress(exports[0], kind)
     shape = _tool_shape(kind, options.tool, lacking) if with_tool else ""
     by_clamps = shape == "clamps"
-    quantities = quantities_of(kind, with_tool)
     rate = _rate(options.rate, exports[0], options.time)
     sources: list[tuple[Export, Sequence[Choice]]] = []
     stated = columns
-    for export in exports:
-        answers = [_choice(export, quantity, stated[quantity], lacking) for quantity in quantities[rate is not None :]]
+    for export, test in zip(exports, tests if len(tests) > 1 else len(files) * tests, strict=True):
+        quantities = quantities_of(test, with_tool)[rate is not None :]
+        answers = [_choice(export, quantity, stated[quantity], lacking) for quantity in quantities]
         choices = [choice for choice in answers if choice is not None]
         sources.append((export, choices))
         # Answers for one file are used for the next one if it has such columns.
-        stated = columns | {choice.quantity: f"{choice.column.name}:{choice.unit}" for choice in choices}
+        if len(tests) == 1:
+            stated = columns | {choice.quantity: f"{choice.column.name}:{choice.unit}" for choice in choices}
     of_tool = with_tool and not by_clamps
     description = TestDescription(
         test=kind,
-        title=options.title or f"{kind.capitalize()} of {(options.out or usual_folder(files)).name}",
+        tests=tuple(tests) if len(tests) > 1 else (),
+        title=options.title or f"{', '.join(tests).capitalize()} of {(options.out or usual_folder(files)).name}",
         specimen=_specimen(options, lacking) if of_tool else {"shape": "point"},
         tool=_tool(shape, options, lacking) if of_tool else None,
         rate_per_s=rate,
@@ -244,14 +259,15 @@ def _print(dataset: NewDataset, as_json: bool) -> None:
 
     print_answer(dataset, as_json, lambda: new_dataset_table(dataset), dataset["notes"])
     if not as_json:
-        commands = ("check", "close-loop") if dataset["test"] == TESTS[-1] else ("check", "identify", "close-loop")
+        of_loop = ("close-loop",) if dataset["test"] in (*TESTS_OF_LOOP, TESTS[-1]) else ()
+        commands = ("check", *(() if dataset["test"] == TESTS[-1] else ("identify",)), *of_loop)
         print_next(*(f"explicitfe {command} {dataset['dataset']}" for command in commands))
 
 
 def _check_words(options: NewDatasetOptions) -> None:
     """Raise InputError if an option has an impossible value, before any table is read."""
     for option, given, words in (
-        ("--test", options.test, TESTS),
+        *(("--test", word, TESTS) for word in (options.test or "").split(",") if word),
         ("--tool", options.tool, TOOLS),
         ("--base", options.base, BASES),
         ("--control", options.control, CONTROLS),
@@ -375,15 +391,15 @@ def _three(given: str | None) -> list[float]:
 
 
 def _tool_shape(kind: str, shape: str | None, lacking: list[str]) -> str:
-    """Shape of the tool; clamps are for tension only."""
-    if shape is None and kind == "compression":
-        return "platen"
+    """Shape of the tool; clamps are for tension only, and planar tension has no other."""
+    if shape is None and kind in ("compression", "planar"):
+        return USUAL_TOOLS[kind]
     if shape is None and not asking.somebody_is_there():
         lacking.append(f"--tool {'|'.join(TOOLS if kind == 'tension' else TOOLS[:-1])}, here for {USUAL_TOOLS[kind]}")
         return USUAL_TOOLS[kind]
     shape = _word(shape, TOOLS, "--tool", "Tool", USUAL_TOOLS[kind])
-    if shape == "clamps" and kind != "tension":
-        raise InputError(f"--tool clamps is for --test tension, not for {kind}; give {USUAL_TOOLS[kind]} or another tool.")
+    if (shape == "clamps" and kind not in ("tension", "planar")) or (kind == "planar" and shape != "clamps"):
+        raise InputError(f"--tool {shape} is not for --test {kind}; give {USUAL_TOOLS[kind]} or another tool.")
     return shape
 
 

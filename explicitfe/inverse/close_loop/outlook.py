@@ -36,7 +36,7 @@ def check_dataset(path: Path | str) -> DatasetCheckReport:
     dataset = read_dataset(path)
     sides = split(dataset)
     scenario, sensors = (dataset.scenario, dataset.sensors) if isinstance(dataset, TrajectoryDataset) else (None, {})
-    specimens = isinstance(dataset, SpecimenDataset)
+    specimens = isinstance(dataset, SpecimenDataset) and dataset.of_one_kind
     features = _features(sides.fit) if specimens else set()
     hidden: list[HiddenEffect] = [
         {"effect": name, "needs": kind.about.needs}

@@ -146,6 +146,7 @@ def what_a_fit_hides(
     fit: Fit,
     choices: Sequence[Alternative],
     progress: Callable[[], None] = lambda: None,
+    others: Problem | None = None,
 ) -> tuple[list[Hidden], int]:
     """Each alternative, and the number of forward runs.
 
@@ -154,6 +155,7 @@ def what_a_fit_hides(
     setup : the test as it was fitted.
     observed, fit : curves of this test, and the constants that were fitted (to these and maybe to others).
     choices : of the same test.
+    others : the fitted curves of other tests, whose prediction the alternatives do not change.
     """
     if setup.tool["shape"] == "platen":
         observed, fit = _shallow(observed, fit, PLATEN_DEPTH_HEIGHT_SHARE * 1e-3 * setup.height_mm)
@@ -188,6 +190,8 @@ def what_a_fit_hides(
     as_fitted = predicted(run)
     sd = np.concatenate(fit.sds)
     start = Problem(observed, fit.sds, fit.law).jacobian(fit.constants)
+    beside = np.zeros((0, start.shape[1])) if others is None else others.jacobian(fit.constants)
+    start, own = np.concatenate([start, beside]), len(start)
     unit = np.maximum(np.abs(fit.constants), SMALLEST_SCALE_C10_SHARE * fit.constants[0])
     answers = []
     for choice in choices:
@@ -198,6 +202,7 @@ def what_a_fit_hides(
             for number in range(MOST_RUNS_OF_AN_ALTERNATIVE):
                 force = forces(replace(choice.setup, law=fit.law.key), constants, depths_m)
                 change = without_contact((predicted(force) - as_fitted) / sd)
+                change = np.concatenate([change, beside @ (constants - fit.constants)])
                 runs += 1
                 if last is not None:  # Broyden: the last step has shown something of the alternative's own J.
                     along = (constants - last[0]) / unit**2
@@ -213,7 +218,7 @@ def what_a_fit_hides(
                 constants[0] = max(constants[0], LEAST_C10_SHARE * last[0][0])
             scale = np.where(fit.constants == 0.0, fit.constants[0], np.abs(fit.constants))
             moved = (constants - fit.constants) / scale
-            answers.append(Hidden(choice.name, moved, _rms(left * sd), _rms(left)))
+            answers.append(Hidden(choice.name, moved, _rms(left[:own] * sd), _rms(left[:own])))
         except (InputError, RunError, ValueError) as error:
             answers.append(Hidden(choice.name, problem=str(error).splitlines()[0]))
         progress()

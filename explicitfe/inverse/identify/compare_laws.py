@@ -18,6 +18,7 @@ import numpy as np
 from scipy.optimize import brentq
 from scipy.stats import norm
 
+from explicitfe.fem.materials.homogeneous import Mode, principal_stretches
 from explicitfe.fem.materials.stability import STRETCHES_IN_USE, Loss, loss_of_stability
 from explicitfe.inverse.identify.fit import CONFIDENCE_LEVEL, Fit, least_squares_fit
 from explicitfe.inverse.identify.forward import PointResponse, UniformResponse
@@ -198,7 +199,7 @@ def _mixture_half_width(centre: float, weights: Sequence[float], means: Sequence
 def load_share(observed: Observed) -> np.ndarray:
     """Imposed load of each row (k,) over the largest one."""
     response = observed.model.response
-    tension = isinstance(response, PointResponse) and response.kind == "uniaxial"
+    tension = isinstance(response, PointResponse) and response.kind != "shear"
     load = np.abs(observed.imposed - 1.0) if tension else np.abs(observed.imposed)
     if observed.contact_m is not None and not observed.model.by_force:  # Rows before contact have no load.
         load = np.maximum(observed.imposed - observed.contact_m, 0.0)
@@ -216,9 +217,9 @@ def stretches_in_data(observed: Sequence[Observed]) -> tuple[float, float]:
             stretches += [*stretch, *(1.0 / stretch)]
         elif isinstance(response, PointResponse | UniformResponse):
             depth = o.measured if o.model.by_force else o.imposed
-            along = depth if isinstance(response, PointResponse) else 1.0 - depth / response.height_m
-            ends = np.array([along.min(), along.max()])
-            stretches += [*ends, *(ends**-0.5)]
+            mode: Mode = "uniaxial" if isinstance(response, UniformResponse) else response.kind
+            along = 1.0 - depth / response.height_m if isinstance(response, UniformResponse) else depth
+            stretches += principal_stretches(mode, np.array([along.min(), along.max()])).ravel().tolist()
         else:
             return STRETCHES_IN_USE
     return float(min(stretches)), float(max(stretches))

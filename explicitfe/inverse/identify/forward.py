@@ -11,13 +11,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 from numpy.polynomial import chebyshev
 from scipy.interpolate import CubicSpline
 
-from explicitfe.fem.materials.homogeneous import nominal_slope, nominal_stress
+from explicitfe.fem.materials.homogeneous import Mode, nominal_slope, nominal_stress
 from explicitfe.fem.solve.load_outcome import Equilibrium
 from explicitfe.inverse.identify.laws import YEOH, ConstantsLike, FitLaw
 from explicitfe.inverse.predict.setup import Setup
@@ -271,12 +270,12 @@ class UniformResponse:
 
 
 class PointResponse:
-    """Stress of a law in a homogeneous state: uniaxial load with free sides, or simple shear."""
+    """Stress of a law in a homogeneous state: uniaxial, equibiaxial or planar load with free sides, or simple shear."""
 
     runs = 0
     roughness = 0.0
 
-    def __init__(self, kind: Literal["uniaxial", "shear"], poisson: float, law: FitLaw = YEOH) -> None:
+    def __init__(self, kind: Mode, poisson: float, law: FitLaw = YEOH) -> None:
         self.kind = kind
         self.poisson = poisson
         self.law = law

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
 
-from explicitfe.fem.materials.homogeneous import INCOMPRESSIBLE
+from explicitfe.fem.materials.homogeneous import INCOMPRESSIBLE, Mode
 from explicitfe.inverse.identify.assumptions import alternatives
 from explicitfe.inverse.identify.forward import FIRST_Q, CurveModel, PointResponse, Response, ToolResponse, UniformResponse
 from explicitfe.inverse.identify.laws import FIT_LAWS, YEOH, FitLaw
@@ -17,6 +16,7 @@ from explicitfe.inverse.measured.select import Group
 from explicitfe.inverse.predict.setup import Setup, is_uniform, setup_of
 
 POISSON_OF_ELEMENTS = 0.499
+MODES: dict[str, Mode] = {"uniaxial": "uniaxial", "equibiaxial": "biaxial", "planar": "planar", "shear": "shear"}
 # Where forces are imposed, the model may sink in deeper than what was measured: a response goes so much farther.
 LARGEST_DEPTH_FACTOR = 1.15
 # So many runs of the simulator are planned for a group with a tool, for each of its meshed tests, and for the paper's method.
@@ -91,7 +91,7 @@ class ForwardModels:
     def response(self, curve: Curve, law: FitLaw = YEOH) -> Response:
         """Response of a law in the test of a curve."""
         if curve.tool is None:
-            kind: Literal["uniaxial", "shear"] = "shear" if curve.kind == "shear" else "uniaxial"
+            kind = MODES[curve.kind]
             return self._responses.setdefault((kind, law.name), PointResponse(kind, self.of_closed_forms, law))
         setup = self.setups[curve.id]
         uniform = is_uniform(setup)
@@ -126,7 +126,7 @@ class ForwardModels:
                 count += 1 + len(laws)
             tools = {self.setups[c.id].key for c in group.fitted if c.tool is not None}
             if tools:
-                first = group.fitted[0]
+                first = next(c for c in group.fitted if c.tool is not None)
                 meshed = {self.setups[c.id].key for c in group.fitted if c.tool is not None and not is_uniform(self.setups[c.id])}
                 count += PLANNED_RUNS_OF_A_GROUP + len(alternatives(self.setups[first.id], first))
                 count += PLANNED_RUNS_OF_A_TEST * len(meshed) * len(laws)

@@ -59,8 +59,13 @@ class GroupFit:
         return min(self.laws, key=lambda row: row.aicc)
 
     @property
+    def of_unit(self) -> list[int]:
+        """Numbers of the fitted curves whose predicted column has this unit."""
+        return [number for number, curve in enumerate(self.group.fitted) if PRINTED_UNITS[curve.predicted][0] == self.unit]
+
+    @property
     def unit(self) -> str:
-        """Unit in which the predicted column is printed."""
+        """Unit in which the predicted column of the first curve is printed."""
         return PRINTED_UNITS[self.group.fitted[0].predicted][0]
 
     @property
@@ -83,13 +88,13 @@ class GroupFit:
     @property
     def noise_sd(self) -> float:
         """Rms noise of the rows, in the unit."""
-        return self.scale * root_mean_square(np.concatenate(self.fit.sds))
+        return self.scale * root_mean_square(np.concatenate([self.fit.sds[number] for number in self.of_unit]))
 
     @property
     def numerical_sd(self) -> float:
         """Rms numerical noise of the predictions, in the unit."""
         parts = []
-        for o in self.observed:
+        for o in (self.observed[number] for number in self.of_unit):
             o = o.at_contact(o.contact(self.constants))
             value, slope = o.model.with_slope(o.imposed, *map(float, self.constants))
             # The roughness of a response is relative to its forces.

@@ -20,7 +20,7 @@ from explicitfe.inverse.identify.compare_laws import (
     range_test,
     stretches_in_data,
 )
-from explicitfe.inverse.identify.fit import Fit, least_squares_fit, with_intervals
+from explicitfe.inverse.identify.fit import Fit, Problem, least_squares_fit, with_intervals
 from explicitfe.inverse.identify.forward import FIRST_Q, ToolResponse, ratio
 from explicitfe.inverse.identify.forward_models import ForwardModels
 from explicitfe.inverse.identify.group_fit import GroupFit
@@ -81,7 +81,7 @@ def identify_constants(
     if method == "paper" and law not in (None, YEOH.name):
         raise InputError(f"`law` {shortened(law)}: the paper's method identifies Yeoh constants only; omit `law` or `method`.")
     requested_laws(law, homogeneous=True)
-    data = read_dataset(dataset).specimens("constants are identified from")
+    data = read_dataset(dataset).specimens("constants are identified from", several=True)
     if constants_by is not None:
         data = data.regrouped(constants_by)
     groups, left_out = select(data, fit)
@@ -204,15 +204,17 @@ def _fit_group(group: Group, models: ForwardModels, method: str, laws: Sequence[
         response.add([*FIRST_Q, ratio(*fit.constants)], work.within(1))
     error = errors.get(law.name, 0.0)
     fitted = GroupFit(group, observed, predicted, fit, error, candidates, test, paper, loads_N, measured_m)
-    first = group.fitted[0]
-    if first.tool is None or not law.in_elements:
+    first = next((curve for curve in group.fitted if curve.tool is not None), None)
+    if first is None or not law.in_elements:
         return fitted
     # Alternatives are those of the first curve's test, so only curves of this test can show their effect.
     setup = models.setups[first.id]
-    alike = [number for number, curve in enumerate(group.fitted) if models.setups[curve.id].key == setup.key]
+    alike = [n for n, curve in enumerate(group.fitted) if curve.tool is not None and models.setups[curve.id].key == setup.key]
+    others = [n for n in range(len(observed)) if n not in alike]
+    beside = Problem([observed[n] for n in others], [fit.sds[n] for n in others], law) if others else None
     fit_of_alike = replace(fit, constants=fitted.constants, sds=tuple(fit.sds[number] for number in alike))
     hidden, runs = what_a_fit_hides(
-        setup, [observed[number] for number in alike], fit_of_alike, alternatives(setup, first), work.done
+        setup, [observed[number] for number in alike], fit_of_alike, alternatives(setup, first), work.done, beside
     )
     models.other_runs += runs
     return replace(fitted, hidden=hidden)

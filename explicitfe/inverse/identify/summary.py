@@ -100,7 +100,7 @@ def _misfit(fitted: GroupFit) -> LawMisfit:
     residuals = [o.predicted(fitted.constants) - o.measured for o in fitted.observed]
     shares = [r / float(np.abs(o.measured).max()) for r, o in zip(residuals, fitted.observed, strict=True)]
     return {
-        "rms": fitted.scale * root_mean_square(np.concatenate(residuals)),
+        "rms": fitted.scale * root_mean_square(np.concatenate([residuals[number] for number in fitted.of_unit])),
         "nrmse": root_mean_square(np.concatenate(shares)),
         "reduced_chi2": None if fitted.chi2 is None else fitted.chi2 / max(fit.free, 1),
         "model_form": fit.widening.model_form,

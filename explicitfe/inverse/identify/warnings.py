@@ -14,7 +14,7 @@ from explicitfe.inverse.identify.group_fit import GroupFit
 from explicitfe.inverse.identify.laws import ALL
 from explicitfe.inverse.identify.observed import Observed
 from explicitfe.inverse.measured.contact import about_contact
-from explicitfe.inverse.measured.curve import Curve, SpecimenDataset
+from explicitfe.inverse.measured.curve import PRINTED_UNITS, Curve, SpecimenDataset
 from explicitfe.inverse.measured.select import Group
 
 # Numerical noise above this share of the data's noise leads to a warning.
@@ -123,10 +123,11 @@ def _about_residuals(fitted: GroupFit) -> list[str]:
 
 def _about_curves(fitted: GroupFit) -> list[str]:
     """Warnings about single curves: offsets, buckling sides, rows that are not fitted."""
-    unit, scale = fitted.unit, fitted.scale
     pairs = list(zip(fitted.group.fitted, fitted.observed, strict=True))
     warnings = []
-    offsets = [f"{curve.id} {scale * o.measured[0]:.3g} {unit}" for curve, o in pairs if _has_offset(curve, o)]
+    units = [PRINTED_UNITS[curve.predicted] for curve, _ in pairs]
+    values = [f"{curve.id} {scale * o.measured[0]:.3g} {unit}" for (curve, o), (unit, scale) in zip(pairs, units, strict=True)]
+    offsets = [value for value, (curve, o) in zip(values, pairs, strict=True) if _has_offset(curve, o)]
     if offsets:
         warnings.append(f"The first row is not zero and the law has no offset: {', '.join(offsets)}.")
     for number, (curve, o) in enumerate(pairs):

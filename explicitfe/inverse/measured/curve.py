@@ -26,19 +26,25 @@ from explicitfe.inverse.measured.tables import (
 )
 from explicitfe.platform.errors import InputError, nearest, shortened
 
-Kind = Literal["force-displacement", "uniaxial", "shear", "trajectory"]
+Kind = Literal["force-displacement", "uniaxial", "equibiaxial", "planar", "shear", "trajectory"]
 TIME = "time_s"
 
+_STRETCHED = {"stretch": ("stretch", 1.0), "nominal_stress_Pa": ("nominal_stress_Pa", 1.0)}
+_STRETCH_NOISE = {"stress_sd_Pa": "nominal_stress_Pa", "stretch_sd": "stretch"}
 # Column of the file -> name and factor in SI.
 COLUMNS: dict[Kind, dict[str, tuple[str, float]]] = {
     "force-displacement": {"displacement_mm": ("displacement_m", 1e-3), "force_N": ("force_N", 1.0)},
-    "uniaxial": {"stretch": ("stretch", 1.0), "nominal_stress_Pa": ("nominal_stress_Pa", 1.0)},
+    "uniaxial": _STRETCHED,
+    "equibiaxial": _STRETCHED,
+    "planar": _STRETCHED,
     "shear": {"shear_strain": ("shear_strain", 1.0), "shear_stress_Pa": ("shear_stress_Pa", 1.0)},
 }
 # Kind of curve -> possible keys of [noise] -> the noisy column.
 NOISE: dict[Kind, dict[str, str]] = {
     "force-displacement": {"force_sd_N": "force_N", "displacement_sd_mm": "displacement_mm"},
-    "uniaxial": {"stress_sd_Pa": "nominal_stress_Pa", "stretch_sd": "stretch"},
+    "uniaxial": _STRETCH_NOISE,
+    "equibiaxial": _STRETCH_NOISE,
+    "planar": _STRETCH_NOISE,
     "shear": {"stress_sd_Pa": "shear_stress_Pa", "stretch_sd": "shear_strain"},
     "trajectory": {"displacement_sd_mm": "the coordinates"},
 }
@@ -179,12 +185,17 @@ class Dataset:
     path: Path
     curves: tuple[Curve, ...]
 
-    def specimens(self, task: str) -> SpecimenDataset:
+    def specimens(self, task: str, *, several: bool = False) -> SpecimenDataset:
         """The dataset, if it has tests of specimens.
+
+        Parameters
+        ----------
+        task : begins the sentence of an error, such as "constants are identified from".
+        several : whether it may have several kinds of tests, equibiaxial and planar ones among them.
 
         Raises
         ------
-        InputError : it has trajectories; ``task`` begins the sentence, such as "constants are identified from".
+        InputError : it has trajectories, or other kinds of tests.
         """
         raise InputError(f"{self.path}: {task} tests of specimens, and this is a trajectory; use close-loop.")
 
@@ -218,8 +229,19 @@ class SpecimenDataset(Dataset):
 
     rig: RigLimits | None = None
 
-    def specimens(self, task: str) -> SpecimenDataset:
-        return self
+    @property
+    def of_one_kind(self) -> bool:
+        """Whether all curves are of one kind of test, and of one that effects are sought in."""
+        kinds = {curve.kind for curve in self.curves}
+        return len(kinds) == 1 and not kinds & {"equibiaxial", "planar"}
+
+    def specimens(self, task: str, *, several: bool = False) -> SpecimenDataset:
+        if several or self.of_one_kind:
+            return self
+        kinds = ", ".join(dict.fromkeys(curve.kind for curve in self.curves))
+        raise InputError(
+            f"{self.path}: {task} tests of one kind, uniaxial, shear or under a tool, and these are {kinds}; use identify."
+        )
 
     def constants_groups(self) -> dict[str, tuple[Curve, ...]]:
         """Return the curves by the name of their constants, in the order of the file."""

@@ -135,7 +135,8 @@ class CurveCsv:
             should = f"a trajectory has {TIME} and, for each sensor, <sensor>_x_mm, <sensor>_y_mm and <sensor>_z_mm"
         else:
             valid = [TIME, *COLUMNS[self.kind]]
-            what = {"force-displacement": "with a [tool]", "uniaxial": "without a [tool]", "shear": "of a shear test"}[self.kind]
+            other = f"of a test of kind {self.kind}"
+            what = {"force-displacement": "with a [tool]", "uniaxial": "without a [tool]"}.get(self.kind, other)
             should = f"a curve {what} has {','.join(valid)}"
         for name in names:
             if name not in valid:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import takewhile
 from pathlib import Path
 
@@ -71,6 +71,7 @@ class TestDescription:
         not change are omitted.
     strip : length and cross-section of a strip between clamps. Its displacement and force are converted to stretch and stress.
     one_specimen : whether all files were measured on the same specimen.
+    tests : of each file, where they are not all the same; all columns are then stretch and stress, or those of shear.
     """
 
     test: TestKind
@@ -84,6 +85,7 @@ class TestDescription:
     rate_per_s: float | None = None
     strip: Strip | None = None
     one_specimen: bool = False
+    tests: tuple[TestKind, ...] = ()
 
     @property
     def presses(self) -> bool:
@@ -127,25 +129,30 @@ def write_new_dataset(out: Path, sources: Sequence[tuple[Export, Sequence[Choice
     notes: list[str] = []
     files = [export.path for export, _ in sources]
     ids = curve_names(files)
-    tables = {ids[export.path]: _rows(export, choices, description, notes) for export, choices in sources}
-    first = sources[0][1]
-    measured: tuple[Quantity, ...] = ("stretch", "stress") if description.strip else tuple(c.quantity for c in first[-2:])
-    columns = [TIME, *(QUANTITIES[quantity].column for quantity in measured)]
-    origins = [f"{choice.column.name} [{choice.unit}]" for choice in first]
-    origins = origins if len(origins) == len(columns) else [f"the rate, {description.rate_per_s:g} per s", *origins]
+    tests = dict(zip(ids.values(), description.tests or len(sources) * (description.test,), strict=True))
+    tables, columns = {}, {}
+    origins: dict[str, str] = {}
+    for name, (export, choices) in zip(tests, sources, strict=True):
+        tables[name] = _rows(export, choices, replace(description, test=tests[name]), notes)
+        measured: tuple[Quantity, ...] = ("stretch", "stress") if description.strip else tuple(c.quantity for c in choices[-2:])
+        columns[name] = [TIME, *(QUANTITIES[quantity].column for quantity in measured)]
+        found = [f"{choice.column.name} [{choice.unit}]" for choice in choices]
+        found = found if len(found) == len(columns[name]) else [f"the rate, {description.rate_per_s:g} per s", *found]
+        origins = dict(zip(columns[name], found, strict=True)) | origins
     try:
         with whole_folder(out) as folder:
-            (folder / DATASET_FILE).write_text(_toml(plain_name(out.resolve().name), tables, description), encoding="utf-8")
+            text = _toml(plain_name(out.resolve().name), tables, description, tests)
+            (folder / DATASET_FILE).write_text(text, encoding="utf-8")
             for name, rows in tables.items():
-                lines = [",".join(columns), *(",".join(f"{number:.9g}" for number in row) for row in rows)]
+                lines = [",".join(columns[name]), *(",".join(f"{number:.9g}" for number in row) for row in rows)]
                 (folder / f"{name}.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
             check_written(folder, out)
     except InputError as error:
         raise InputError(str(error).replace(f"{DATASET_FILE}, line", f"{DATASET_FILE} (not written), line")) from None
     return {
         "dataset": str(out),
-        "test": description.test,
-        "columns": dict(zip(columns, origins, strict=True)),
+        "test": ", ".join(dict.fromkeys(tests.values())),
+        "columns": origins,
         "curves": [
             {
                 "id": ids[file],
@@ -257,7 +264,7 @@ def _with_signs(
     before they are computed, tension is positive.
     """
     first = choices[0].quantity
-    pulls = description.test == "tension"
+    pulls = description.test in ("tension", "equibiaxial", "planar")
     if first == "stretch":
         signs, convention = (1.0 if pulls else -1.0), "tension is positive"
         strain, stress = (measure_of(choice.quantity, choice.column.name) for choice in choices)
@@ -333,8 +340,8 @@ def _from_contact(file: Path, rows: np.ndarray, description: TestDescription, no
     return rows
 
 
-def _toml(name: str, tables: Mapping[str, np.ndarray], description: TestDescription) -> str:
-    """The text of dataset.toml."""
+def _toml(name: str, tables: Mapping[str, np.ndarray], description: TestDescription, tests: Mapping[str, TestKind]) -> str:
+    """The text of dataset.toml; ``tables`` and ``tests`` are those of each curve."""
     lines = ["# All keys: explicitfe schema dataset. Validate this folder with: explicitfe check FOLDER"]
     head = {
         "format": "explicitfe-dataset/1",
@@ -350,6 +357,8 @@ def _toml(name: str, tables: Mapping[str, np.ndarray], description: TestDescript
             lines += ["", f"[{key}]", *(f"{toml_key(inner)} = {toml_value(value)}" for inner, value in table.items())]
     for curve, rows in tables.items():
         lines += ["", "[[curve]]", f"id = {toml_value(curve)}", f"file = {toml_value(f'{curve}.csv')}"]
+        if tests[curve] != description.test:
+            lines.append(f"test = {toml_value(tests[curve])}")
         if description.one_specimen and len(tables) > 1:
             lines.append('group = "specimen"')
         if description.presses and rows[0, 1] != 0.0:

@@ -14,6 +14,7 @@ from typing_extensions import TypedDict
 from explicitfe.fem.inputs.table import validated
 from explicitfe.inverse.measured.curve import (
     COLUMNS,
+    NOISE,
     TIME,
     Curve,
     Dataset,
@@ -25,7 +26,7 @@ from explicitfe.inverse.measured.curve import (
     check_sides,
 )
 from explicitfe.inverse.measured.files import SMALLEST_CURVE_ROWS, CurveCsv, DatasetToml
-from explicitfe.inverse.measured.tables import SHAPE_KEYS, DatasetFile, MergedTables, RawTable, SensorTable, TestKind
+from explicitfe.inverse.measured.tables import SHAPE_KEYS, CurveTable, DatasetFile, MergedTables, RawTable, SensorTable, TestKind
 from explicitfe.inverse.measured.units import check_noise, check_units
 from explicitfe.platform.errors import InputError, nearest
 from explicitfe.platform.host.shipped import DATASET_FILE, dataset_folder
@@ -124,7 +125,7 @@ def _check_trajectories(table: DatasetFile, source: DatasetToml) -> None:
     owners: list[tuple[tuple[str | int, ...], BaseModel]] = [((), table)]
     owners += [(("curve", number), curve) for number, curve in enumerate(table.curve)]
     for keys, owner in owners:
-        for name in ("specimen", "tool"):
+        for name in ("specimen", "tool", "test") if keys else ("specimen", "tool"):
             if getattr(owner, name):
                 raise source.fault((*keys, name), f"a trajectory has no [{name}]; remove it.")
     for name in ("sensor", "registration", "fit"):
@@ -161,21 +162,30 @@ def _check_specimens(table: DatasetFile, source: DatasetToml) -> None:
         for name in ("start_s", "until_s"):
             if name in curve.model_fields_set:
                 raise source.fault(("curve", number, name), f'{name} is for test = "trajectory" only; remove it.')
-    if table.specimen is None and not all(curve.specimen for curve in table.curve):
+    if table.specimen is None and not all(curve.specimen or _of_its_own(curve, table) for curve in table.curve):
         raise source.fault(("test",), '[specimen] is missing; add it, shape = "point" if the size is unknown.')
-    tooled = [table.tool is not None or bool(curve.tool) for curve in table.curve]
-    if table.test == "indentation" and not all(tooled):
-        raise source.fault(("test",), "an indentation needs a [tool]; add it.")
-    if table.test == "shear" and any(tooled):
-        raise source.fault(("tool",), "a shear test is a homogeneous state and has no [tool]; remove it.")
+    tooled = []
+    for number, curve in enumerate(table.curve):
+        test, own = curve.test or table.test, _of_its_own(curve, table)
+        tool = bool(curve.tool) or (table.tool is not None and not own)
+        key: tuple[str | int, ...] = ("curve", number, "test") if own else ("test",)
+        if test == "indentation" and not tool:
+            raise source.fault(key, "an indentation needs a [tool]; add it.")
+        if KINDS[test].kind != "uniaxial" and tool:
+            raise source.fault(key, f"a test of kind {test} is a homogeneous state and has no [tool]; remove it.")
+        if own and curve.tool and not curve.specimen:
+            raise source.fault(key, "a curve of a test of its own needs its own specimen under a tool; add [curve.specimen].")
+        tooled += [] if own else [tool]
     if any(tooled) and not all(tooled):
-        raise source.fault(("curve", tooled.index(True), "tool"), "some curves have a tool, others none; add a [tool] for all.")
+        raise source.fault(("test",), "some curves of the test have a tool, others none; add a [tool] for all.")
 
 
 KINDS: dict[TestKind, KindOfDataset] = {
     "indentation": KindOfDataset(_check_specimens, _specimens, "uniaxial"),
     "compression": KindOfDataset(_check_specimens, _specimens, "uniaxial"),
     "tension": KindOfDataset(_check_specimens, _specimens, "uniaxial"),
+    "equibiaxial": KindOfDataset(_check_specimens, _specimens, "equibiaxial"),
+    "planar": KindOfDataset(_check_specimens, _specimens, "planar"),
     "shear": KindOfDataset(_check_specimens, _specimens, "shear"),
     "trajectory": KindOfDataset(_check_trajectories, _trajectories, "trajectory"),
 }
@@ -209,7 +219,7 @@ def _check_files(table: DatasetFile, source: DatasetToml) -> None:
 def _curve(table: DatasetFile, number: int, source: DatasetToml) -> Curve:
     entry = table.curve[number]
     setup = _setup(table, number, source)
-    kind: Kind = "force-displacement" if setup.tool is not None else KINDS[table.test].kind
+    kind = _kind(table, entry)
     if setup.tool is not None and setup.specimen is not None and setup.specimen.shape == "point":
         raise source.fault(("specimen", "shape"), 'a specimen of shape "point" cannot have a [tool]; give its dimensions.')
     if entry.contact is not None and (setup.tool is None or setup.tool.shape == "bonded-disc"):
@@ -253,9 +263,24 @@ def _merged(common: RawTable | None, own: RawTable) -> RawTable | None:
     return common | own
 
 
+def _of_its_own(curve: CurveTable, table: DatasetFile) -> bool:
+    """Whether a curve is of another test than the dataset, whose specimen and tool are not its own."""
+    return curve.test not in (None, table.test)
+
+
+def _kind(table: DatasetFile, curve: CurveTable) -> Kind:
+    tool = curve.tool or (None if _of_its_own(curve, table) else table.tool)
+    return KINDS[curve.test or table.test].kind if tool is None else "force-displacement"
+
+
 def _setup(table: DatasetFile, number: int, source: DatasetToml) -> MergedTables:
     entry = table.curve[number]
-    merged = {name: _merged(getattr(table, name), getattr(entry, name)) for name in ("specimen", "tool", "noise")}
+    common = {"specimen": table.specimen, "tool": table.tool, "noise": table.noise}
+    if _of_its_own(entry, table):
+        possible = {*NOISE[_kind(table, entry)], "repeat_sd_fraction"}
+        noise = {key: value for key, value in table.noise.items() if key in possible}
+        common = {"specimen": None if entry.tool or entry.specimen else {"shape": "point"}, "tool": None, "noise": noise}
+    merged = {name: _merged(given, getattr(entry, name)) for name, given in common.items()}
     try:
         return validated(MergedTables, merged)
     except ValidationError as error:

@@ -13,7 +13,8 @@ from explicitfe.fem.inputs.table import LONGEST_NAME_CHARACTERS, MOST_TABLES_OF_
 from explicitfe.inverse.measured.rig import RigLimits
 from explicitfe.platform.errors import nearest, shortened
 
-TestKind = Literal["indentation", "compression", "tension", "shear", "trajectory"]
+SpecimenTest = Literal["indentation", "compression", "tension", "equibiaxial", "planar", "shear"]
+TestKind = Literal[SpecimenTest, "trajectory"]
 Split = Literal["fit", "holdout"]
 ConditionValue = str | int | float | bool | list[str | int | float | bool]
 Conditions = Mapping[str, ConditionValue]
@@ -241,6 +242,10 @@ class CurveTable(Table):
     file: Name = Field(description="its CSV, in the folder of the dataset")
     constants: Name = Field(default="all", description="curves with the same name share their material constants")
     group: Name | None = Field(default=None, description="curves of one specimen or site have the same group; default: the id")
+    test: SpecimenTest | None = Field(
+        default=None,
+        description="where it differs from the dataset's: the curve then has its own [specimen], a point if omitted, and [tool]",
+    )
     start_s: float | Literal["fit"] = Field(
         default=0.0,
         description='time in the file at which the motion of the scenario begins; "fit": seen in the rows, and fitted within two '

@@ -55,7 +55,7 @@ def check_units(csv: CurveCsv, setup: MergedTables) -> None:
 def _check_homogeneous(csv: CurveCsv) -> None:
     first, second = COLUMNS[csv.kind]
     deformation, stress = csv.data[first], np.abs(csv.data[second])
-    if csv.kind == "uniaxial":
+    if first == "stretch":
         low, high = _STRETCH_LIMITS
         # At rest a stretch is 1; in percent it is 100, and a strain is 0.
         odd = (deformation <= low) | (deformation >= high)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing_extensions import TypedDict
 
-MATERIAL_TESTS = ("indentation", "compression", "tension", "shear")  # the others are trajectories
+MATERIAL_TESTS = ("indentation", "compression", "tension", "equibiaxial", "planar", "shear")  # the others are trajectories
 
 
 class ColumnRange(TypedDict):

@@ -20,7 +20,7 @@ def new_dataset_table(dataset: Mapping[str, Any]) -> Group:
     table = pairs("")
     table.add_row("test", dataset["test"])
     for name, column in dataset["columns"].items():
-        table.add_row(escape(name), escape(f"from {column}" if dataset["test"] in MATERIAL_TESTS else column))
+        table.add_row(escape(name), escape(column if dataset["test"] == "trajectory" else f"from {column}"))
     for curve in dataset["curves"]:
         text = f"{curve['rows']} rows, {curve['duration_s']:.4g} s, from {Path(curve['source']).name}"
         table.add_row(f"curve {escape(curve['id'])}", escape(text))

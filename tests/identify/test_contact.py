@@ -118,7 +118,8 @@ def test_identify_fits_the_contact_and_counts_the_rows_before_it(
     lines = [csv[0], *(f"{a},{float(b) - zero:.6f},{c}" for a, b, c in cells)]
     (folder / "a.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
     capsys.readouterr()
-    assert command(["identify", str(folder), "--law", "neo-hooke", "--out", str(tmp_path / "c"), "--json"]) == 0
+    law = "all" if contact else "neo-hooke"
+    assert command(["identify", str(folder), "--law", law, "--out", str(tmp_path / "c"), "--json"]) == 0
     (group,) = json.loads(capsys.readouterr().out)["groups"].values()
     modulus, warnings = group["youngs_modulus"], " ".join(group["warnings"])
     right = 0.05 * 30.0 / (np.pi * 30.0**2) * 1e6
@@ -130,6 +131,9 @@ def test_identify_fits_the_contact_and_counts_the_rows_before_it(
         assert f"{group['curves']['a']['rows_before_contact']} rows are not in contact" in warnings
     else:
         assert modulus["ci95"][1] < 0.8 * right
+        assert modulus["total95"][1] > 0.99 * right  # The data are linear, and the law is not.
+        assert "a fitted contact instead of contact at 0" in {row["if"] for row in group["hides"] if row["left_open"]}
+        assert "a fitted contact instead of contact at 0" in group["headline"]
         assert "The tool does not touch in the first" in warnings and 'set contact = "fit" in [[curve]]' in warnings
 
 

@@ -36,6 +36,7 @@ MOST_RUNS_OF_AN_ALTERNATIVE = 4
 SMALL_CHANGE_SHARE = 0.2
 SMALLEST_SCALE_C10_SHARE = 0.1  # C20 may be 0: a change of it is compared with no less than this share of C10.
 LEAST_C10_SHARE = 0.3  # From one run to the next C10 falls to no less than this share.
+LEAST_CHANGE_SHARE = 0.01  # Smaller changes of C10 are not named.
 PLATEN_DEPTH_HEIGHT_SHARE = 0.5  # Deeper than this, free sides fold.
 # The mesh that goes with a sharper edge is this much coarser: it would take longer than all other alternatives.
 SHARP_EDGE_REFINEMENT_FACTOR = 0.75
@@ -48,10 +49,11 @@ TOOL_LENGTHS: tuple[ToolLength, ...] = ("radius_mm", "edge_radius_mm")
 
 @dataclass(frozen=True)
 class Alternative:
-    """An alternative to an assumption of the fit: its name in words, and the test with it."""
+    """An alternative to an assumption of the fit: its name in words, the test with it, and whether the dataset leaves it open."""
 
     name: str
     setup: Setup
+    left_open: bool = True
 
 
 @dataclass(frozen=True)
@@ -64,6 +66,7 @@ class Hidden:
     left : rms residual that the constants cannot compensate, in the unit of the data, SI.
     left_in_noise : the same in standard deviations of the rows.
     problem : why there are no numbers; empty where there are.
+    left_open : whether the dataset leaves this open, so that the total interval includes it.
     """
 
     name: str
@@ -71,6 +74,7 @@ class Hidden:
     left: float = 0.0
     left_in_noise: float = 0.0
     problem: str = ""
+    left_open: bool = True
 
 
 def alternatives(setup: Setup, curve: Curve) -> list[Alternative]:
@@ -80,27 +84,33 @@ def alternatives(setup: Setup, curve: Curve) -> list[Alternative]:
     choices = []
 
     def add(
-        name: str, of_specimen: SpecimenKeys | None = None, of_tool: ToolKeys | None = None, poisson: float = setup.poisson
+        name: str,
+        of_specimen: SpecimenKeys | None = None,
+        of_tool: ToolKeys | None = None,
+        poisson: float = setup.poisson,
+        left_open: bool = True,
     ) -> None:
         new_specimen: SpecimenKeys = {**specimen, **(of_specimen or {})}
         new_tool: ToolKeys = {**tool, **(of_tool or {})}
-        choices.append(Alternative(name, replace(setup, specimen=new_specimen, tool=new_tool, poisson=poisson)))
+        choices.append(Alternative(name, replace(setup, specimen=new_specimen, tool=new_tool, poisson=poisson), left_open))
 
     if tool["shape"] == "platen" and curve.specimen.base == "unknown":
         add("sticking contact on both faces", {"base": "bonded"}, {"friction": "stick"})
     elif tool["shape"] != "bonded-disc":
+        unknown = curve.tool.friction == "unknown" or "friction" in curve.tool.assumed
         if tool["friction"] == "stick":
-            add("contact without friction", of_tool={"friction": 0.0})
+            add("contact without friction", of_tool={"friction": 0.0}, left_open=unknown)
         else:
-            add("sticking contact", of_tool={"friction": "stick"})
+            add("sticking contact", of_tool={"friction": "stick"}, left_open=unknown)
         if curve.specimen.base == "unknown":
             add("a sliding base", {"base": "sliding"})
     if "layer_mm" in specimen:
-        add("no surface layer", {"layer_mm": 0.0, "layer_stiffness_ratio": 1.0})
+        add("no surface layer", {"layer_mm": 0.0, "layer_stiffness_ratio": 1.0}, left_open="layer_mm" in curve.specimen.assumed)
     else:
         thickness = min(LAYER_THICKNESS_MM, setup.height_mm / 10.0)
         name = f"a surface layer of {thickness:.3g} mm, {LAYER_STIFFNESS_RATIO:g} times as stiff"
-        add(name, {"layer_mm": thickness, "layer_stiffness_ratio": LAYER_STIFFNESS_RATIO})
+        layer: SpecimenKeys = {"layer_mm": thickness, "layer_stiffness_ratio": LAYER_STIFFNESS_RATIO}
+        add(name, layer, left_open="layer_mm" not in curve.specimen.model_fields_set)
     add(f"Poisson's ratio {OTHER_POISSON_RATIO:g}", poisson=OTHER_POISSON_RATIO)
     for key in SPECIMEN_LENGTHS:
         if key in curve.specimen.assumed:
@@ -113,7 +123,8 @@ def alternatives(setup: Setup, curve: Curve) -> list[Alternative]:
     if tool["shape"] == "flat-cylinder":
         half = 0.5 * tool["edge_radius_mm"]
         coarser: SpecimenKeys = {"refinement": SHARP_EDGE_REFINEMENT_FACTOR * specimen["refinement"]}
-        add(f"the tool's edge rounded by {half:.2g} mm", coarser, {"edge_radius_mm": half})
+        stated = "edge_radius_mm" in curve.tool.model_fields_set - set(curve.tool.assumed)
+        add(f"the tool's edge rounded by {half:.2g} mm", coarser, {"edge_radius_mm": half}, left_open=not stated)
     add("gravity", {"gravity_m_s2": list(GRAVITY_M_S2)})
     return choices
 
@@ -216,13 +227,29 @@ def what_a_fit_hides(
                 if (np.abs(step) < small).all() or number == MOST_RUNS_OF_AN_ALTERNATIVE - 1:
                     break
                 constants[0] = max(constants[0], LEAST_C10_SHARE * last[0][0])
-            scale = np.where(fit.constants == 0.0, fit.constants[0], np.abs(fit.constants))
-            moved = (constants - fit.constants) / scale
-            answers.append(Hidden(choice.name, moved, _rms(left[:own] * sd), _rms(left[:own])))
+            moved = (constants - fit.constants) / change_unit(fit)
+            answers.append(Hidden(choice.name, moved, _rms(left[:own] * sd), _rms(left[:own]), left_open=choice.left_open))
         except (InputError, RunError, ValueError) as error:
-            answers.append(Hidden(choice.name, problem=str(error).splitlines()[0]))
+            answers.append(Hidden(choice.name, problem=str(error).splitlines()[0], left_open=choice.left_open))
         progress()
     return answers, runs
+
+
+def change_unit(fit: Fit) -> np.ndarray:
+    """What changes (p,) of the constants are relative to."""
+    return np.where(fit.constants == 0.0, fit.constants[0], np.abs(fit.constants))
+
+
+def refitted(name: str, observed: Sequence[Observed], others: Sequence[Observed], fit: Fit, *, left_open: bool) -> Hidden:
+    """Effect of an alternative that needs no simulation: the same rows as ``observed``, with other models."""
+    try:
+        best = Problem(others, fit.sds, fit.law).solve(fit.constants)
+    except RunError as error:
+        return Hidden(name, problem=str(error).splitlines()[0], left_open=left_open)
+    pairs = zip(observed, others, fit.sds, strict=True)
+    change = [(other.predicted(best) - o.predicted(fit.constants), sd) for o, other, sd in pairs if other is not o]
+    left, in_noise = (_rms(np.concatenate(parts)) for parts in ([c for c, _ in change], [c / sd for c, sd in change]))
+    return Hidden(name, (best - fit.constants) / change_unit(fit), left, in_noise, left_open=left_open)
 
 
 def _step(J: np.ndarray, change: np.ndarray, constants: np.ndarray, lower: np.ndarray) -> np.ndarray:
@@ -248,11 +275,13 @@ def _rms(values: np.ndarray) -> float:
     return float(np.sqrt(np.mean(np.square(values))))
 
 
-def sentence(hidden: Sequence[Hidden], C10_Pa: float, unit: str, scale: float) -> str:
-    """A warning in one sentence: the three alternatives that would change C10 most."""
-    changes = [(float(h.change[0]), h) for h in hidden if h.change is not None]
-    if not changes:
-        return ""
+def sentence(hidden: Sequence[Hidden], unit: str, scale: float) -> str:
+    """A warning: the three alternatives that would change C10 most, by more than 1 %."""
+    changes = [(float(h.change[0]), h) for h in hidden if h.change is not None and abs(h.change[0]) > LEAST_CHANGE_SHARE]
     worst = sorted(changes, key=lambda change: -abs(change[0]))[:3]
-    parts = [f"{h.name}: C10 {100.0 * change:+.0f} %, residual {scale * h.left:.2g} {unit}" for change, h in worst]
-    return f"C10 = {C10_Pa:.4g} Pa depends on the assumptions. With other assumptions it would change: {'; '.join(parts)}."
+    parts = [
+        f"with {h.name} it would be {100.0 * abs(change):.0f} % {'higher' if change > 0.0 else 'lower'} (residual "
+        f"{scale * h.left:.2g} {unit})"
+        for change, h in worst
+    ]
+    return f"C10 depends on what was assumed: {'; '.join(parts)}." if parts else ""

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from explicitfe.fem.materials.homogeneous import INCOMPRESSIBLE
-from explicitfe.inverse.identify.assumptions import alternatives, what_a_fit_hides
+from explicitfe.inverse.identify.assumptions import Hidden, alternatives, refitted, what_a_fit_hides
 from explicitfe.inverse.identify.compare_laws import (
     LawFit,
     compared,
@@ -21,8 +21,8 @@ from explicitfe.inverse.identify.compare_laws import (
     stretches_in_data,
 )
 from explicitfe.inverse.identify.fit import Fit, Problem, least_squares_fit, with_intervals
-from explicitfe.inverse.identify.forward import FIRST_Q, ToolResponse, ratio
-from explicitfe.inverse.identify.forward_models import ForwardModels
+from explicitfe.inverse.identify.forward import FIRST_Q, CurveModel, PointResponse, ToolResponse, ratio
+from explicitfe.inverse.identify.forward_models import POISSON_OF_ELEMENTS, ForwardModels
 from explicitfe.inverse.identify.group_fit import GroupFit
 from explicitfe.inverse.identify.laws import ALL, YEOH, FitLaw, requested_laws
 from explicitfe.inverse.identify.observed import Observed
@@ -32,6 +32,7 @@ from explicitfe.inverse.identify.summary import group_rows
 from explicitfe.inverse.identify.warnings import dataset_warnings
 from explicitfe.inverse.measured.read import read_dataset
 from explicitfe.inverse.measured.select import Group, select
+from explicitfe.inverse.predict.setup import Setup
 from explicitfe.platform.errors import InputError, Progress, RunError, Share, nearest, shortened, silent
 from explicitfe.platform.host.compilation import announcing
 from explicitfe.results.documents.identification import Identification, IdentifiedGroup
@@ -113,6 +114,7 @@ def identify_constants(
             continue
         rows[group.name] = group_rows(fitted, models.assumed(group), models.reported_poisson)
         setup = models.setups.get(group.fitted[0].id) if fitted.fit.law.in_elements else None
+        setup = setup if setup is not None and _simulated(setup, fitted.fit) else None
         pictures[group.name] = pictures_of(fitted, None if setup is None else replace(setup, law=fitted.fit.law.key))
         work.done()
     if len(failures) == len(groups):
@@ -205,19 +207,54 @@ def _fit_group(group: Group, models: ForwardModels, method: str, laws: Sequence[
     error = errors.get(law.name, 0.0)
     fitted = GroupFit(group, observed, predicted, fit, error, candidates, test, paper, loads_N, measured_m)
     first = next((curve for curve in group.fitted if curve.tool is not None), None)
-    if first is None or not law.in_elements:
+    if not law.in_elements:
         return fitted
+    hidden = _without_runs(group, models, observed, fit) if paper is None else []
+    if first is None:
+        return replace(fitted, hidden=hidden)
     # Alternatives are those of the first curve's test, so only curves of this test can show their effect.
     setup = models.setups[first.id]
+    if not _simulated(setup, fit):
+        return replace(fitted, hidden=hidden)
     alike = [n for n, curve in enumerate(group.fitted) if curve.tool is not None and models.setups[curve.id].key == setup.key]
     others = [n for n in range(len(observed)) if n not in alike]
     beside = Problem([observed[n] for n in others], [fit.sds[n] for n in others], law) if others else None
     fit_of_alike = replace(fit, constants=fitted.constants, sds=tuple(fit.sds[number] for number in alike))
-    hidden, runs = what_a_fit_hides(
+    simulated, runs = what_a_fit_hides(
         setup, [observed[number] for number in alike], fit_of_alike, alternatives(setup, first), work.done, beside
     )
     models.other_runs += runs
-    return replace(fitted, hidden=hidden)
+    return replace(fitted, hidden=[*simulated, *hidden])
+
+
+def _simulated(setup: Setup, fit: Fit) -> bool:
+    """Whether elements accept the law with these constants."""
+    try:
+        replace(setup, law=fit.law.key).tables(*map(float, fit.constants))
+    except ValueError:
+        return False
+    return True
+
+
+def _without_runs(group: Group, models: ForwardModels, observed: Sequence[Observed], fit: Fit) -> list[Hidden]:
+    """Effect of the assumptions that need no simulations: the contact at displacement 0, and an incompressible closed form."""
+    hidden = []
+    tools = [None if curve.tool is None else curve.tool.shape for curve in group.fitted]
+    touching = [
+        replace(o, contact_m=0.0) if shape not in (None, "bonded-disc") and o.contact_m is None else o
+        for o, shape in zip(observed, tools, strict=True)
+    ]
+    if any(other is not o for other, o in zip(touching, observed, strict=True)):
+        hidden.append(refitted("a fitted contact instead of contact at 0", observed, touching, fit, left_open=True))
+    if models.poisson is None and None in tools:
+        softer = [
+            replace(o, model=CurveModel(PointResponse(o.model.response.kind, POISSON_OF_ELEMENTS, fit.law)))
+            if isinstance(o.model.response, PointResponse)
+            else o
+            for o in observed
+        ]
+        hidden.append(refitted(f"Poisson's ratio {POISSON_OF_ELEMENTS:g}", observed, softer, fit, left_open=False))
+    return hidden
 
 
 def _fit_law(group: Group, models: ForwardModels, law: FitLaw, work: _Work, errors: dict[str, float]) -> LawFit:

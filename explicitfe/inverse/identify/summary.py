@@ -9,11 +9,12 @@ import numpy as np
 
 from explicitfe.inverse.identify.assumptions import Hidden
 from explicitfe.inverse.identify.compare_laws import LawFit
-from explicitfe.inverse.identify.fit import Fit, contact_interval
+from explicitfe.inverse.identify.fit import contact_interval
 from explicitfe.inverse.identify.group_fit import GroupFit, root_mean_square
 from explicitfe.inverse.identify.laws import YEOH
 from explicitfe.inverse.identify.observed import Observed
 from explicitfe.inverse.identify.paper import AGREEMENT_M, AGREEMENT_SHARE, ALPHA_M, BETA_M, PaperFit
+from explicitfe.inverse.identify.total import changes_of_constants, headline, total_interval
 from explicitfe.inverse.identify.warnings import group_warnings
 from explicitfe.inverse.measured.curve import PRINTED_UNITS, Curve
 from explicitfe.results.documents.identification import (
@@ -44,7 +45,7 @@ def group_rows(fitted: GroupFit, assumed: Sequence[str], poisson: float) -> Iden
     rows: IdentifiedGroup = {
         "status": "fitted" if paper is None else paper.status,
         "law": fit.law.name,
-        "constants": _constants(fit, paper),
+        "constants": _constants(fitted),
         "shear_modulus": _modulus(fitted, 1.0),
         "youngs_modulus": _modulus(fitted, 2.0 * (1.0 + poisson)),
         "misfit": _misfit(fitted),
@@ -68,17 +69,23 @@ def group_rows(fitted: GroupFit, assumed: Sequence[str], poisson: float) -> Iden
     }
     if paper is not None:
         rows["paper"] = _paper_rows(paper, fitted.loads_N, fitted.measured_m)
+    else:
+        totals = {name: entry["total95"] for name, entry in rows["constants"].items()}
+        rows["headline"] = headline(fitted, rows["shear_modulus"]["total95"], totals)
     rows["warnings"] = group_warnings(fitted)
     return rows
 
 
-def _constants(fit: Fit, paper: PaperFit | None) -> dict[str, IdentifiedConstant]:
+def _constants(fitted: GroupFit) -> dict[str, IdentifiedConstant]:
+    fit, paper = fitted.fit, fitted.paper
     if paper is not None:
         return {name: {"value": float(value)} for name, value in zip(YEOH.constants, paper.constants, strict=True)}
+    changes = changes_of_constants(fitted)
     return {
         name: {
             "value": float(fit.constants[k]),
             "sd": float(fit.sd[k]),
+            "total95": total_interval(float(fit.constants[k]), fit.profile[name], changes[:, k]),
             "ci95": [float(x) for x in fit.profile[name]],
             "ci95_of_noise": [float(x) for x in fit.profile_of_noise[name]],
             "ci95_curvature": [float(x) for x in fit.curvature[name]],
@@ -91,7 +98,10 @@ def _modulus(fitted: GroupFit, factor: float) -> IdentifiedModulus:
     """A multiple of the small-strain shear modulus; the paper's method has no intervals."""
     modulus: IdentifiedModulus = {"value": factor * fitted.fit.law.shear_modulus_Pa(fitted.constants)}
     if fitted.paper is None:
-        modulus["ci95"] = [factor * x for x in fitted.fit.shear_modulus_interval]
+        interval = fitted.fit.shear_modulus_interval
+        changes = changes_of_constants(fitted) @ fitted.fit.law.shear_modulus_gradient()
+        modulus["total95"] = [factor * x for x in total_interval(fitted.fit.shear_modulus[0], interval, changes)]
+        modulus["ci95"] = [factor * x for x in interval]
     return modulus
 
 
@@ -193,8 +203,13 @@ def _paper_rows(paper: PaperFit, loads_N: np.ndarray, measured_m: np.ndarray) ->
 
 def _hidden_row(hidden: Hidden, scale: float, law: str) -> HiddenRow:
     if hidden.change is None:
-        return {"if": hidden.name, "problem": hidden.problem}
-    row: HiddenRow = {"if": hidden.name, "left": scale * hidden.left, "left_in_noise": hidden.left_in_noise}
+        return {"if": hidden.name, "left_open": hidden.left_open, "problem": hidden.problem}
+    row: HiddenRow = {
+        "if": hidden.name,
+        "left_open": hidden.left_open,
+        "left": scale * hidden.left,
+        "left_in_noise": hidden.left_in_noise,
+    }
     for key, change in zip(CHANGES_OF[law], hidden.change, strict=True):
         row[key] = float(change)
     return row

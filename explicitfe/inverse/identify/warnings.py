@@ -49,9 +49,7 @@ def group_warnings(fitted: GroupFit) -> list[str]:
             f"({fitted.noise_sd:.2g} {unit}): use a larger --refinement."
         )
     warnings += _about_curves(fitted)
-    about_hidden = sentence(
-        fitted.hidden, float(fitted.constants[0]), {"mm": "µm"}.get(unit, unit), scale * (1e3 if unit == "mm" else 1.0)
-    )
+    about_hidden = sentence(fitted.hidden, {"mm": "µm"}.get(unit, unit), scale * (1e3 if unit == "mm" else 1.0))
     return warnings + ([about_hidden] if about_hidden else [])
 
 

@@ -16,21 +16,24 @@ class IdentifiedConstant(TypedDict):
     Attributes
     ----------
     sd : standard error from independent noise alone.
-    ci95 : the interval to quote, widened for correlated residuals, misfit and model-form error; its ends may be infinite.
+    total95 : the interval to quote: ``ci95`` with the changes by what was assumed.
+    ci95 : from the data, widened for correlated residuals, misfit and model-form error; its ends may be infinite.
     ci95_of_noise, ci95_curvature : from independent noise alone, by the profile likelihood and by the curvature at the optimum.
     """
 
     value: float
     sd: NotRequired[float]
+    total95: NotRequired[list[Computed]]
     ci95: NotRequired[list[Computed]]
     ci95_of_noise: NotRequired[list[Computed]]
     ci95_curvature: NotRequired[list[Computed]]
 
 
 class IdentifiedModulus(TypedDict):
-    """A small-strain modulus [Pa] with its 95 % interval, as wide as those of the constants."""
+    """A small-strain modulus [Pa] with its 95 % intervals, as wide as those of the constants."""
 
     value: float
+    total95: NotRequired[list[Computed]]
     ci95: NotRequired[list[Computed]]
 
 
@@ -109,11 +112,13 @@ class MeanErrors(TypedDict):
 
 
 # An alternative to an assumption, named by the key "if", and its effect on the fit: relative changes of the constants, and the
-# residual that they cannot compensate; or the problem for which there are no numbers.
+# residual that they cannot compensate; or the problem for which there are no numbers. The total intervals include those that the
+# dataset leaves open.
 HiddenRow = TypedDict(
     "HiddenRow",
     {
         "if": str,
+        "left_open": bool,
         "problem": NotRequired[str],
         "C10_change": NotRequired[float],
         "C20_change": NotRequired[float],
@@ -164,6 +169,7 @@ class IdentifiedGroup(TypedDict):
 
     Attributes
     ----------
+    headline : whether the constants can be used; not of the paper's method.
     law : the law of the constants.
     shear_modulus, youngs_modulus : at small strain.
     misfit : of this law.
@@ -181,6 +187,7 @@ class IdentifiedGroup(TypedDict):
     status: str
     warnings: NotRequired[list[str]]
     message: NotRequired[str]
+    headline: NotRequired[str]
     law: NotRequired[str]
     constants: NotRequired[dict[str, IdentifiedConstant]]
     shear_modulus: NotRequired[IdentifiedModulus]

@@ -27,6 +27,7 @@ class GroupOnPage:
 
     name: str
     message: str
+    headline: str
     constants: PageTable | None
     widened: str
     law: str
@@ -71,6 +72,7 @@ def _group(name: str, group: IdentifiedGroup, curves: Sequence[FittedCurve], pro
     return GroupOnPage(
         name=name,
         message=group.get("message", "") if "constants" not in group else "",
+        headline=group.get("headline", ""),
         constants=_constants(group),
         widened=widened if widened_by > 1.0 else "",
         law=group.get("law", ""),
@@ -87,17 +89,20 @@ def _group(name: str, group: IdentifiedGroup, curves: Sequence[FittedCurve], pro
 def _constants(group: IdentifiedGroup) -> PageTable | None:
     rows = []
     for name, entry in group.get("constants", {}).items():
-        low, high = entry.get("ci95", [None, None])
-        interval = f"{number(low)} to {number(high) if finite(high) else 'no limit'}" if finite(low) else ""
+        intervals = [_interval(entry.get("total95")), _interval(entry.get("ci95"))]
         at_bound = "at its bound" if name in group.get("at_bound", []) else ""
-        rows.append((constant_name(name), f"{number(entry['value'], 4)}{unit_of_constant(name)}", interval, at_bound))
+        rows.append((constant_name(name), f"{number(entry['value'], 4)}{unit_of_constant(name)}", *intervals, at_bound))
     moduli = (("shear modulus", group.get("shear_modulus")), ("Young's modulus", group.get("youngs_modulus")))
     for name, modulus in moduli:
         if modulus is not None:
-            low, high = modulus.get("ci95", [None, None])
-            interval = f"{number(low)} to {number(high)}" if finite(low) and finite(high) else ""
-            rows.append((f"{name}, small strain", f"{number(modulus['value'], 4)} Pa", interval, ""))
-    return table(("constant", "value", "95 % interval", ""), rows, "tnnt")
+            intervals = [_interval(modulus.get("total95")), _interval(modulus.get("ci95"))]
+            rows.append((f"{name}, small strain", f"{number(modulus['value'], 4)} Pa", *intervals, ""))
+    return table(("constant", "value", "95 % with what was assumed", "95 % from the data", ""), rows, "tnnnt")
+
+
+def _interval(ends: Sequence[float | None] | None) -> str:
+    low, high = ends or (None, None)
+    return f"{number(low)} to {number(high) if finite(high) else 'no limit'}" if finite(low) else ""
 
 
 def _laws(group: IdentifiedGroup) -> PageTable | None:
@@ -170,7 +175,14 @@ def _hides(group: IdentifiedGroup) -> PageTable | None:
             rows.append((row["if"], row["problem"], *("" for _ in range(len(symbols) + 1))))
             continue
         changes = (f"{100.0 * change:+.1f} %" for change in changes_of(row, symbols))
-        rows.append((row["if"], *changes, f"{number(row['left'], 2)} {group['unit']}", number(row["left_in_noise"], 2)))
+        rows.append(
+            (
+                row["if"] + (" *" if row["left_open"] else ""),
+                *changes,
+                f"{number(row['left'], 2)} {group['unit']}",
+                number(row["left_in_noise"], 2),
+            )
+        )
     head = ("other assumption", *symbols, "residual (rms)", "residual in noise")
     return table(head, rows, "t" + "n" * (len(symbols) + 2))
 

@@ -49,20 +49,23 @@ def _constants(title: str, group: IdentifiedGroup) -> Table:
     table = pairs(title)
     others = [row["law"] for row in group["laws"] if row["law"] != group["law"]]
     compared = f"; compared with {', '.join(others)}" if others else "; other laws: --law"
+    if "headline" in group:
+        table.add_row("conclusion", escape(group["headline"]))
     table.add_row("law", group["law"] + (compared if "paper" not in group else ""))
     for name, entry in group["constants"].items():
         unit = " Pa" if name.endswith("_Pa") else ""
         text = f"{entry['value']:.5g}{unit}"
-        if "ci95" in entry:
-            text += f"  (95 %: {_interval(entry['ci95'])})"
+        if "total95" in entry:
+            text += f"  (95 %: {_interval(entry['total95'])})"
         if name in group["at_bound"]:
             text += "  [yellow]at its bound[/yellow]"
         table.add_row(name.removesuffix("_Pa"), text)
     for name, modulus in (("shear modulus", group["shear_modulus"]), ("Young's modulus", group["youngs_modulus"])):
-        interval = f"  (95 %: {_interval(modulus['ci95'])})" if "ci95" in modulus else ""
+        interval = f"  (95 %: {_interval(modulus['total95'])})" if "total95" in modulus else ""
         table.add_row(f"{name}, small strain", f"{modulus['value']:.5g} Pa{interval}")
     if group["widened_by"] > 1.0 and "paper" not in group:
-        table.add_row("intervals", f"{number(group['widened_by'], 2)} times wider than from independent noise alone")
+        wider = f"{number(group['widened_by'], 2)} times wider than from independent noise alone"
+        table.add_row("intervals", f"{wider}, before what was assumed is added")
     misfit = group["misfit"]
     text = f"{misfit['rms']:.3g} {group['unit']} rms, {100.0 * misfit['nrmse']:.2f} % of the largest value"
     if misfit["reduced_chi2"] is not None:
@@ -140,7 +143,8 @@ def _hides(group: IdentifiedGroup) -> Table:
     table = Table(
         title="sensitivity to the assumptions: change of the constants with another assumption and the same data",
         title_justify="left",
-        caption="residual: rms misfit that the constants cannot compensate; in noise: in standard deviations of a row",
+        caption="residual: rms misfit that the constants cannot compensate; in noise: in standard deviations of a row; "
+        "*: left open by the dataset, and included in the 95 % intervals",
         caption_justify="left",
     )
     table.add_column("other assumption")
@@ -152,7 +156,7 @@ def _hides(group: IdentifiedGroup) -> Table:
             continue
         left = f"{1e3 * row['left']:.2g} µm" if group["unit"] == "mm" else f"{row['left']:.2g} {group['unit']}"
         changes = (f"{100.0 * change:+.1f} %" for change in changes_of(row, symbols))
-        table.add_row(escape(row["if"]), *changes, left, f"{row['left_in_noise']:.2g}")
+        table.add_row(escape(row["if"]) + (" *" if row["left_open"] else ""), *changes, left, f"{row['left_in_noise']:.2g}")
     return table
 
 

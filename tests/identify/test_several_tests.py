@@ -44,6 +44,10 @@ def test_a_fit_of_rubber_is_that_of_the_incompressible_closed_form(rubber):
     answer = identify(rubber, law="yeoh-3")
     group = answer["groups"]["all"]
     assert [row["value"] for row in group["constants"].values()] == pytest.approx(exact, rel=1e-6)
+    assert "an estimate" in group["headline"] and group["headline"].endswith("Known to no better than 30 %: C20.")
+    (ratio,) = group["hides"]  # It is computed, and no part of the interval: the answer is of the incompressible law.
+    assert ratio["if"] == "Poisson's ratio 0.499" and ratio["C20_change"] == pytest.approx(-0.388, abs=0.01)
+    assert not ratio["left_open"] and group["constants"]["C20_Pa"]["total95"] == group["constants"]["C20_Pa"]["ci95"]
     assert answer["poisson"] == 0.5 and "Poisson's ratio 0.5 (incompressible closed form)" in group["assumed"]
     assert group["youngs_modulus"]["value"] == pytest.approx(3.0 * group["shear_modulus"]["value"])
 

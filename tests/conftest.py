@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import os
+import shutil
 import signal
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -38,3 +40,21 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
 def record_property(record_property: Callable[[str, object], None]) -> Callable[[str, object], None]:
     """pytest's own, with values as text: tests that run beside each other cannot send numbers of numpy."""
     return lambda name, value: record_property(name, str(value))
+
+
+# Of Chromium: without a sandbox, as root needs, and with WebGL drawn by the processor.
+CHROMIUM_ARGUMENTS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist"]
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    """The Chromium of the system, or the one that playwright installs."""
+    sync_api = pytest.importorskip("playwright.sync_api", reason="pages are tested with playwright: pip install playwright")
+    # A loop of playwright that is open would be in the way of tests that start their own.
+    with sync_api.sync_playwright() as playwright:
+        names = ("chromium", "chromium-browser", "google-chrome")
+        own = next((path for path in map(shutil.which, names) if path), None)
+        if own is None and not Path(playwright.chromium.executable_path).exists():
+            pytest.skip("there is no Chromium here: install it, or run `playwright install chromium`")
+        with playwright.chromium.launch(executable_path=own, args=CHROMIUM_ARGUMENTS) as started:
+            yield started

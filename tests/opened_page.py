@@ -12,6 +12,14 @@ WIDE, NARROW = {"width": 1280, "height": 900}, {"width": 390, "height": 844}
 PATIENCE_MS = 60_000  # of a machine that does much else; docs/how-to/report.md says how long it takes on one that does not
 
 
+def accessibility_faults(page: Any) -> list[str]:
+    """What axe-core finds on an open page: its rules, how often each is broken, and where first."""
+    from axe_playwright_python.sync_playwright import Axe
+
+    found = Axe().run(page, options={"preload": False}).response["violations"]
+    return [f"{rule['id']} x {len(rule['nodes'])}: {rule['nodes'][0]['html'][:200]}" for rule in found]
+
+
 class Opened:
     """A page that is open and ready, with what it complained of, and what it asked of a network."""
 

@@ -12,7 +12,7 @@ _HEADING = re.compile(r"^### (.+)\n+(.+)$", re.M)
 _TAG = re.compile(r"(<[^>]+>)")
 _LINK_IN_TEXT = re.compile(r"\[([^]]*)\]\([^)]*\)")
 # Text in these elements is not linked.
-_CLOSED = ("a", "code", "pre", "h1", "h2", "h3", "h4", "th", "script", "style")
+_CLOSED = ("a", "code", "math", "pre", "h1", "h2", "h3", "h4", "th", "script", "style")
 
 
 class Glossary:

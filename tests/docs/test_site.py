@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from typing import Any
 
 import pytest
 from docs_blocks import pages, text_of
+from opened_page import NARROW, PATIENCE_MS, WIDE, accessibility_faults
 from support import ROOT
 
 pytest.importorskip("material", reason='the site is built with mkdocs-material: pip install "explicitfe[docs]"')
@@ -36,6 +38,31 @@ def test_pages_load_nothing_from_other_servers(site):
         text = page.read_text(encoding="utf-8")
         for attribute in ('src="http', 'src="//', 'rel="stylesheet" href="http', 'rel="preconnect"'):
             assert attribute not in text, (page, attribute)
+
+
+def test_the_search_works_where_a_page_is_opened_as_a_file(site: Path, browser: Any) -> None:
+    """README.md leads to a file of the site, not to a server; pages in folders find the index too."""
+    page, requests = browser.new_page(), []
+    page.on("request", lambda request: requests.append(request.url))
+    for name in ("index.html", "reference/mechanics.html"):
+        page.goto((site / name).as_uri())
+        page.locator(".md-search__input").first.click()
+        page.keyboard.type("hourglass")
+        page.wait_for_selector(".md-search-result__item", timeout=PATIENCE_MS)
+        assert page.locator(".md-search-result__item").count() > 5
+    page.click(".md-search-result__item a")
+    assert "h=hourglass" in page.url and "hourglass" in page.inner_text("main").lower()
+    assert [url for url in requests if not url.startswith("file:")] == []
+
+
+def test_pages_are_accessible(site: Path, browser: Any) -> None:
+    """axe-core finds nothing on pages with formulas, tables and code, on a wide and on a narrow screen."""
+    for name in ("index.html", "reference/mechanics.html", "reference/scenario-keys.html", "tutorials/what-is-missing.html"):
+        for viewport in (WIDE, NARROW):
+            page = browser.new_page(viewport=viewport)
+            page.goto((site / name).as_uri())
+            page.wait_for_timeout(500)  # site.js waits for the theme
+            assert accessibility_faults(page) == [], name
 
 
 def test_every_page_is_there(site):

@@ -280,8 +280,8 @@ def sentence(hidden: Sequence[Hidden], unit: str, scale: float) -> str:
     changes = [(float(h.change[0]), h) for h in hidden if h.change is not None and abs(h.change[0]) > LEAST_CHANGE_SHARE]
     worst = sorted(changes, key=lambda change: -abs(change[0]))[:3]
     parts = [
-        f"with {h.name} it would be {100.0 * abs(change):.0f} % {'higher' if change > 0.0 else 'lower'} (residual "
-        f"{scale * h.left:.2g} {unit})"
+        f"{100.0 * abs(change):.0f} % {'higher' if change > 0.0 else 'lower'} with {h.name} (remaining misfit "
+        f"{scale * h.left:.2g} {unit}, {h.left_in_noise:.2g} times the noise)"
         for change, h in worst
     ]
-    return f"C10 depends on what was assumed: {'; '.join(parts)}." if parts else ""
+    return f"C10 depends on the assumptions. It would be {'; '.join(parts)}." if parts else ""

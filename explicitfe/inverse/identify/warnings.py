@@ -73,7 +73,7 @@ def _about_law(fitted: GroupFit) -> list[str]:
         )
     if fit.widening.model_form > 1.0:
         warnings.append(
-            f"The 95 % intervals are {_times(fit.widening.model_form)} times wider to include the model-form error of the law."
+            f"The 95 % intervals include the model error, which widens them by a factor of {_times(fit.widening.model_form)}."
         )
     if own.loss is not None:
         warnings.append(

@@ -295,8 +295,8 @@ class IndentationAnalysis(Analysis[IndentationScenario, Relaxation]):
         if folded["elements"] or most:
             when = "at the end" if folded["elements"] else "at one of the loads, but none at the end"
             warnings.append(
-                f"{folded['elements'] or most} of {self.model.mesh.element_count} elements are inverted {when}, because one "
-                'integration point does not resist it: compare with model.refinement = 2 and with element = "hex8-full".'
+                f"{folded['elements'] or most} of {self.model.mesh.element_count} elements are inverted {when}. One-point "
+                'integration does not prevent this; set model.refinement = 2 or element = "hex8-full" and compare.'
             )
         depth = max((point.displacement_m for point in curve), default=0.0)
         thickness = 1e-3 * self.scenario.model.thickness_mm

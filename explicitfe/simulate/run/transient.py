@@ -279,9 +279,8 @@ class TransientAnalysis(Analysis[TransientScenario, Simulation]):
             )
         if folded["elements"]:
             warnings.append(
-                f"{folded['elements']} of {mesh.element_count} elements are inverted at the end, because one integration point "
-                f"does not resist it: {f'{spread}, or ' if spread else ''}reduce the forces, and compare with "
-                'element = "hex8-full".'
+                f"{folded['elements']} of {mesh.element_count} elements are inverted at the end. One-point integration does not "
+                f'prevent this; {f"{spread}, " if spread else ""}reduce the forces, or set element = "hex8-full" and compare.'
             )
         if not np.isfinite(last.displacement).all():
             return warnings

@@ -73,6 +73,11 @@ def speed(mm_s: float) -> str:
     return f"{mm_s:.0f}" if mm_s >= WHOLE_SPEED_MM_S else number(mm_s, 2)
 
 
+def steps_in_words(steps: int, shortest_s: float) -> str:
+    """Such as "10 407 steps of 18.4 µs or more"."""
+    return f"{steps:,} steps of {1e6 * shortest_s:.3g} µs or more".replace(",", NO_BREAK)
+
+
 def motion_at_end(settled: bool, fastest_mm_s: float) -> str:
     """Whether a body moves at the end of a run, with the speed of its fastest node."""
     if settled and fastest_mm_s == 0.0:
@@ -180,18 +185,22 @@ def how_sure(report: LoopReport, most: int = 4) -> str:
 
 def smooth_part(report: LoopReport) -> str:
     """The discrepancy: how large the smooth part of the residual is, and whether noise alone explains it; "" if not known."""
-    size = f"Smooth part of the residual: {number(report.discrepancy, 2)} times the noise (root mean square)."
     lack, test = report.lack_of_fit, ""
     if lack and finite(lack.chi2) and lack.free:
-        test = f"χ² is {number(lack.chi2)} along {plural(lack.free, 'smooth function')}, p {chance(lack.p, equals='= ')}."
-    return " ".join(filter(None, (size if finite(report.discrepancy) else "", test)))
+        test = f" (χ² = {number(lack.chi2)} for {plural(lack.free, 'function')}, p {chance(lack.p, equals='= ')})"
+    if not finite(report.discrepancy):
+        return f"Test of the residual for a smooth misfit{test}." if test else ""
+    if report.discrepancy == 0.0:
+        return f"No smooth misfit remains after the fit{test}."
+    return f"The smooth misfit that remains after the fit is {number(report.discrepancy, 2)} times the noise{test}."
 
 
 def worth_of(test: NextExperiment, report: LoopReport | None = None) -> str:
     """What a proposed test distinguishes, its expected information gain and its duration; ``report`` has names in words."""
-    names = [set_in_words(report or LoopReport(), name) for name in test.separates]
-    pair = f"distinguishes {' from '.join(names)}" if names else ""
-    parts = [pair + (f" (separation {number(test.separation)})" if pair and finite(test.separation) else "")]
+    names = [f'"{set_in_words(report or LoopReport(), name).replace(" and ", " plus ")}"' for name in test.separates]
+    pair = f"separates {' from '.join(names)}" if names else ""
+    sds = f" (by {number(math.sqrt(test.separation), 2)} standard deviations)" if pair and finite(test.separation) else ""
+    parts = [pair + sds]
     if finite(test.information_bits) and finite(test.minutes):
         parts.append(f"expected information gain: {test.information_bits:.2g} bits; duration: about {test.minutes:.2g} min")
     return "; ".join(filter(None, parts))

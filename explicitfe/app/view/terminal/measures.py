@@ -22,6 +22,7 @@ from explicitfe.results.measure.document import (
 
 # A point that has never moved farther is shown without its largest displacement.
 SMALLEST_SHOWN_MM = 0.005
+TIP = "tip"  # a named point that only a tongue has
 
 
 def measures_table(measured: Sequence[Measures]) -> Table:
@@ -57,14 +58,15 @@ def measure_rows(measures: Measures) -> Iterator[tuple[str, str]]:
     yield "time", f"{measures.time_ms:.4g} ms"
     for name, point in measures.points.items():
         yield escape(name), _motion(point)
+    is_tongue = TIP in measures.points
     if measures.highest is not None:
         highest = measures.highest
         yield (
             "highest point",
             f"{forward_up(highest.forward_mm, highest.up_mm)} (now {highest.behind_tip_mm:.1f} mm behind and "
-            f"{highest.above_tip_mm:.1f} mm above the tip at rest)",
+            f"{highest.above_tip_mm:.1f} mm above the {'tip' if is_tongue else 'foremost point'} at rest)",
         )
-    if measures.grooves:
+    if is_tongue and measures.grooves:
         depths = " / ".join(f"{groove.depth_mm:.1f}" for groove in measures.grooves.values())
         yield "groove depth", f"{depths} mm ({' / '.join(measures.grooves)})"
     if measures.constriction is not None:
@@ -181,9 +183,10 @@ def _contact(contact: BoneContact) -> str:
     lines = [
         ", ".join([f"area {contact.area_mm2:.0f} mm²", *resultant, f"normal force sum {number(contact.force_N)} N"]),
         f"mean pressure {number(contact.mean_kPa, 2)} kPa, peak {number(contact.peak_kPa, 2)} kPa; "
-        f"midline {'free' if contact.midline_free else 'in contact'}",
+        f"{'no ' if contact.midline_free else ''}contact within 3 mm of the midline",
+        "areas, left / central / right third of the width:",
     ]
     for depth in next(iter(contact.cells.values())):
-        areas = [f"{side} {cells[depth].area_mm2:.0f}" for side, cells in contact.cells.items()]
-        lines.append(f"{depth}: {', '.join(areas)} mm²")
+        areas = " / ".join(f"{cells[depth].area_mm2:.0f}" for cells in contact.cells.values())
+        lines.append(f"{depth} third of the length: {areas} mm²")
     return "\n".join(lines)

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from rich.console import Group
 from rich.markup import escape
 
-from explicitfe.app.view.page.words import motion_at_end, speed
+from explicitfe.app.view.page.words import motion_at_end, speed, steps_in_words
 from explicitfe.app.view.terminal.files import file_lines
 from explicitfe.app.view.terminal.rows import StoredTimes, add_mesh_rows, inverted_text, moved, pairs, size_text, with_files
 from explicitfe.results.documents.run_summary import TransientCheckReport, TransientSummary
@@ -18,11 +18,9 @@ def summary_table(summary: TransientSummary) -> Group:
     table = pairs(summary["title"])
     table.add_row("status", summary["status"])
     table.add_row("mesh", f"{summary['hexes']} hexahedra, {summary['nodes']} nodes")
-    table.add_row(
-        "time steps",
-        f"{summary['steps']} of at least {1e6 * summary['dt_s']:.1f} µs, at most "
-        f"{100 * summary['dt_fraction_of_limit']:.0f} % of the stable limit",
-    )
+    limit = f"at most {100 * summary['dt_fraction_of_limit']:.0f} % of the stability limit"
+    exceeded = "[red], which is exceeded[/red]" if (summary["dt_fraction_of_limit"] or 0.0) > 1.0 else ""
+    table.add_row("time steps", f"{steps_in_words(summary['steps'], summary['dt_s'])} ({limit}{exceeded})")
     table.add_row(
         "speed",
         f"{1e3 * summary['simulated_s']:.1f} ms in {summary['wall_s']:.2f} s: "

@@ -40,7 +40,7 @@ class Compressible(MaterialEffect):
         where="material",
         strength="1 - 2 nu",
         plausible=0.4,
-        needs="a wide and a narrow tool on a thin layer; with one tool it is mistaken for another C10",
+        needs="a wide and a narrow tool on a thin layer; with one tool it equals a change of C10",
         neighbours="C10 itself, drainage (needs time), layer",
     )
     sought: ClassVar[Mapping[str, Sought]] = {

@@ -61,7 +61,7 @@ class DiscoveredLaw(MaterialEffect):
         where="material",
         strength="sum of coefficients (Pa)",
         plausible=1e6,
-        needs="homogeneous tests of which the named effects leave something unexplained",
+        needs="homogeneous tests that the named effects do not fully explain",
         neighbours="any effect of the material: it is composed where none of them is enough",
     )
     searched = False

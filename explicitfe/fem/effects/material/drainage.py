@@ -27,7 +27,7 @@ class Drainage(MaterialEffect):
         where="material",
         strength="d",
         plausible=0.999,
-        needs="time and confinement: a hold under a wide tool on a thin layer",
+        needs="a hold under a wide tool on a thin layer",
         neighbours="viscoelastic (relaxes free uniaxial compression as well)",
     )
     sought: ClassVar[Mapping[str, Sought]] = {

@@ -30,7 +30,7 @@ class Fibres(MaterialEffect):
         where="material",
         strength="k1 (Pa)",
         plausible=20000.0,
-        needs="two directions; in compression across the fibres they are stretched",
+        needs="tests in two directions; compression across the fibres stretches them",
         neighbours="third-yeoh (the same in all directions), layer",
     )
     sought: ClassVar[Mapping[str, Sought]] = {

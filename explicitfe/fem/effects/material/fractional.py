@@ -39,7 +39,7 @@ class Fractional(PronySeries):
         where="material",
         strength="g",
         plausible=0.95,
-        needs="time: a long hold, or rates that differ by decades",
+        needs="a long hold, or rates that differ by decades",
         neighbours="power-law (relaxes to nothing), viscoelastic (one time a term), softening, drainage",
     )
     sought: ClassVar[Mapping[str, Sought]] = {

@@ -36,7 +36,7 @@ class PowerLaw(PronySeries):
         where="material",
         strength="n",
         plausible=0.4,
-        needs="time: a long hold, or rates that differ by decades",
+        needs="a long hold, or rates that differ by decades",
         neighbours="viscoelastic (stops relaxing after its time), softening, drainage",
     )
     sought: ClassVar[Mapping[str, Sought]] = {

@@ -86,7 +86,7 @@ class Viscoelastic(PronySeries):
         where="material",
         strength="sum of g",
         plausible=0.9,
-        needs="time: a hold, or two rates",
+        needs="a hold, or two rates",
         neighbours="softening (no relaxation in a hold), drainage (needs a change of volume: two radii), friction",
     )
     sought: ClassVar[Mapping[str, Sought]] = {

@@ -25,7 +25,7 @@ class ContactOffset(Measurement):
         where="measurement",
         strength="d0 (mm)",
         plausible=1.0,
-        needs="small depths",
+        needs="rows at small depths",
         neighbours="preload, force-offset, tilt",
     )
     sought: ClassVar[Mapping[str, Sought]] = {"offset_mm": Sought((-0.03, -0.1, 0.03, 0.1), -0.5, 0.5, scale="displacement_mm")}

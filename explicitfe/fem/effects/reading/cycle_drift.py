@@ -22,7 +22,7 @@ class CycleDrift(Measurement):
         where="measurement",
         strength="r",
         plausible=0.2,
-        needs="repeats",
+        needs="repeated cycles",
         neighbours="softening (after the first only), viscoelastic (recovers with rest)",
     )
     sought: ClassVar[Mapping[str, Sought]] = {"per_cycle": Sought((-0.03, -0.15, 0.03, 0.15), -0.5, 0.5)}

@@ -22,7 +22,7 @@ class GaugeLength(Measurement):
         where="measurement",
         strength="s",
         plausible=0.15,
-        needs="large strains; at small ones it is another C10",
+        needs="large strains; at small strains the effect equals a change of C10",
         neighbours="C10 and C20 themselves, third-yeoh, compliance",
     )
     sought: ClassVar[Mapping[str, Sought]] = {"error": Sought((-0.05, -0.15, 0.05, 0.15), -0.2, 0.2)}

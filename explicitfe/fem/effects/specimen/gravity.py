@@ -21,7 +21,7 @@ class Gravity(Effect):
         where="loading",
         strength="g (m/s^2)",
         plausible=9.81,
-        needs="the density; two heights",
+        needs="the density, and specimens of two heights",
         neighbours="C10 itself, preload",
     )
     sought: ClassVar[Mapping[str, Sought]] = {"acceleration_m_s2": Sought((9.81,), 0.0, 12.0)}

@@ -22,7 +22,7 @@ class Adhesion(Effect):
         where="contact",
         strength="s (Pa)",
         plausible=500.0,
-        needs="unloading down to pull-off: negative forces",
+        needs="a pull-off test: unload until the tool detaches and record the negative force",
         neighbours="force-offset (there from the start), viscoelastic",
     )
     sought: ClassVar[Mapping[str, Sought]] = {

@@ -21,7 +21,7 @@ class Edge(Effect):
         where="contact",
         strength="r (mm)",
         plausible=3.0,
-        needs="small depths: the flat face touches first, then the edge",
+        needs="a test at small depths, where the flat face touches before the edge",
         neighbours="C10 and C20 themselves, contact-offset, tilt",
     )
     sought: ClassVar[Mapping[str, Sought]] = {"rounder_mm": Sought((0.25, 0.5, 1.0), 0.0, 1.6, scale="edge_mm")}

@@ -23,7 +23,7 @@ class Tilt(Effect):
         where="loading",
         strength="theta^2 (degrees^2): the response is even",
         plausible=25.0,
-        needs="small depths: one side touches first",
+        needs="a test at small depths, where one side touches first",
         neighbours="contact-offset, layer",
     )
     sought: ClassVar[Mapping[str, Sought]] = {"angle_deg": Sought((2.0, 5.0), 0.0, 12.0, kind="square")}

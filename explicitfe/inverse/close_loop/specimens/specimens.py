@@ -340,10 +340,8 @@ class Specimens:
         """The ``number``-th term of an effect."""
         effect = EFFECTS[name]
         term = candidate(name, number, cause_of(name), effect.sought_in(tool=self.curves[0].tool is not None), scales)
-        lacking = [need for need in effect.requires if need not in self.features]
-        if lacking:
-            reason = f"requires {' and '.join(lacking)}, absent from these data; informative data: {effect.about.needs}"
-            return replace(term, trials=(), reason=reason)
+        if not self.features.issuperset(effect.requires):
+            return replace(term, trials=(), reason=f"Needs {effect.about.needs}.")
         refusal = self._refusal(term, model)
         slow = effect.needs_half_body or (needs_history(effect) and not self.has_sketch(name))
         return replace(term, trials=(), reason=refusal) if refusal else replace(term, slow=slow)

@@ -51,6 +51,8 @@ from explicitfe.results.documents.verdict_text import (
 LONG_HEADLINE_LETTERS = 62
 # Lines beside the first picture: more would push it off the screen.
 MOST_FACTS = 8
+# Further hypotheses are folded away.
+MOST_HYPOTHESES = 10
 
 
 @dataclass(frozen=True)
@@ -242,8 +244,8 @@ def not_testable(report: LoopReport) -> PageTable | None:
     return table(("cause", "why"), rows, "tw")
 
 
-def hypotheses(report: LoopReport) -> PageTable | None:
-    """The sets of effects that were compared, the most probable first."""
+def hypotheses(report: LoopReport) -> list[PageTable | None]:
+    """The sets of effects that were compared, the most probable first: a table of these, and one of all others."""
 
     def cells(one: ReportedHypothesis) -> tuple[str, ...]:
         return (
@@ -260,7 +262,10 @@ def hypotheses(report: LoopReport) -> PageTable | None:
     final = set(report.effects or report.nearest)
     chosen = [bool(one.fitted) and set(one.effects) == final for one in report.hypotheses]
     first = chosen.index(True) if True in chosen else -1
-    return table(head, map(cells, report.hypotheses), "tntnnww", [k == first for k in range(len(chosen))])
+    marks = [k == first for k in range(len(chosen))]
+    every = [cells(one) for one in report.hypotheses]
+    parts = (slice(MOST_HYPOTHESES), slice(MOST_HYPOTHESES, None))
+    return [table(head, every[part], "tntnnww", marks[part]) for part in parts] if every else []
 
 
 def next_tests(report: LoopReport) -> NextTests | None:
@@ -291,7 +296,7 @@ def residual_caption(curves: Sequence[DrawnCurve]) -> str:
     if known:
         caption += " Grey: two standard deviations; beyond them the scale is logarithmic where the misfit is large."
     if any(len(curve.measured) > ROWS_WITHOUT_MEAN for curve in curves):
-        caption += " Long curves: faint every row, bold the mean over a sixtieth of them."
+        caption += " Long curves: thin line, every row; thick line, mean of each sixtieth."
     return caption
 
 

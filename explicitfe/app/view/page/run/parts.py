@@ -31,6 +31,7 @@ from explicitfe.app.view.page.words import (
     percent,
     reaction_in_words,
     speed,
+    steps_in_words,
 )
 from explicitfe.platform.errors import InputError
 from explicitfe.platform.host import shipped
@@ -48,7 +49,7 @@ from explicitfe.results.measure.steps import last_step, step_at
 LONGEST_VALUE_CHARACTERS = 80
 # A column in which all displacements are smaller is omitted: it would show 0.00 throughout.
 SMALLEST_SHOWN_MM = 0.005
-TIME = "time_ms"
+TIME, TIP = "time_ms", "tip"
 # Prefix of the lines at the head of a stored scenario that record the settings of the run.
 SETTING = "# --set "
 
@@ -70,7 +71,7 @@ class RunOnPage:
     speech : its acoustics; None for a run of another model than the tongue.
     has_fibres : whether muscle fibres are part of the animation.
     scenario : text of the scenario file; ``commands`` repeat the run and show more of it.
-    is_tongue : whether it is a run in time rather than an indentation.
+    kind : "indentation", or of a run in time "tongue" where the mesh has the named point of a tongue's tip, else "body".
     has_context : whether lips, hyoid bone and larynx are drawn around it.
     """
 
@@ -92,7 +93,7 @@ class RunOnPage:
     provenance: dict[str, str]
     scenario: str
     commands: list[str]
-    is_tongue: bool
+    kind: str
     has_context: bool
 
 
@@ -124,7 +125,7 @@ def run_on_page(result: Result, measures: Measures | None, label: str, charts: l
         provenance={key.replace("_", " "): str(value) for key, value in result.provenance.items() if value is not None},
         scenario=result.scenario_text,
         commands=list(_commands(result)),
-        is_tongue=kind_of(result.model) == "transient",
+        kind="indentation" if kind_of(result.model) == "relaxation" else "tongue" if TIP in result.mesh.named_points else "body",
         has_context=bool(context_of(result, 0)),
     )
 
@@ -188,7 +189,7 @@ def _numerical_facts(result: Result) -> Iterator[tuple[str, str]]:
     """Names and values of the numerical solution, in words."""
     summary = result.summary
     if finite(summary.get("steps")) and finite(summary.get("dt_s")):
-        yield "time steps", f"{summary['steps']} of at least {1e6 * summary['dt_s']:.3g} µs"
+        yield "time steps", steps_in_words(summary["steps"], summary["dt_s"])
     if finite(summary.get("energy_balance_error")):
         yield "energy balance error", f"at most {percent(summary['energy_balance_error'])}".replace("at most <", "less than")
     if finite(summary.get("hourglass_share")):
@@ -265,7 +266,7 @@ def _expectation_table(result: Result, measures: Measures | None, expected: Sequ
             label = " ".join([*group, words]) + (f" ({unit})" if unit else "")
             if name != TIME:
                 rows.append((label, "" if time_ms is None else f"{time_ms:g}", f"{value:{form}}", *compared))
-    return table(("measure", "at (ms)", "expected", "this run", "difference"), rows, "tnnnn")
+    return table(("measure", "at (ms)", "author's value", "this run", "difference"), rows, "tnnnn")
 
 
 def _numbers(result: Result, last: Measures | None, time_s: float | None, with_airway: bool) -> dict[str, Number]:

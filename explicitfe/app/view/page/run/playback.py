@@ -94,6 +94,7 @@ def playback(result: Result, last: int, share: float = 1.0) -> str:
         "moments": _loads(result, steps) if is_loaded else None,
         "indentation": (1e3 * result.history("indentation")[steps]).tolist() if is_loaded else None,
         "outline_box": _outline_box(cut, mesh, moved, nodes, bones if is_mouth(result) else []),
+        "plane_mm": 1e3 * plane_m,
         "electrodes": pack_contact(packed, result, steps) if is_mouth(result) else None,
         "leak": pack_leak(packed, result, steps),
         "muscles": pack_muscles(packed, result, steps, rounding_mm),

@@ -343,7 +343,16 @@
   });
 
   // All bodies are seen from the same side.
+  const turns = { ArrowLeft: [1, 0], ArrowRight: [-1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] }, zooms = { "+": 1.25, "=": 1.25, "-": 0.8 };
   for (const scene of scenes) {
+    scene.canvas.addEventListener("keydown", (event) => {
+      if (event.ctrlKey || event.metaKey || event.altKey || !(event.key in turns || event.key in zooms)) return;
+      event.preventDefault();
+      event.stopPropagation(); // these keys move in time elsewhere on the page
+      if (event.key in turns) scene.turn(...turns[event.key]);
+      else scenes.forEach((one) => one.zoom(zooms[event.key]));
+      redraw();
+    });
     scene.controls.addEventListener("change", () => {
       for (const other of scenes) {
         if (other === scene) continue;
@@ -394,8 +403,8 @@
   document.querySelectorAll(".theme input").forEach((input) => input.addEventListener("change", ink));
   new ResizeObserver(redraw).observe(page);
 
-  // On a telephone the picture needs the room that these would take.
-  bar.querySelector(".options").open = innerWidth > 600;
+  // On a telephone, or a low screen, the picture needs the room that these would take.
+  bar.querySelector(".options").open = innerWidth > 600 && innerHeight > 700;
   applySwitches();
   applyColour();
   bar.hidden = false;

@@ -211,6 +211,7 @@ const Playback = (() => {
       this.body = body;
       this.canvas = canvas;
       this.renderer = new THREE.WebGLRenderer({ canvas, antialias: !drawnByProcessor(), alpha: true, powerPreference: "low-power" });
+      this.renderer.localClippingEnabled = true;
       this.sharpness = 1;
       this.scene = new THREE.Scene();
       this.camera = new THREE.OrthographicCamera(-1, 1, 1, -1, -1000, 1000);
@@ -294,6 +295,15 @@ const Playback = (() => {
         bone,
         this.addSurface(arrays[`bone_${bone.name}_points`], arrays[`bone_${bone.name}_triangles`], "#e3d3ae", 0.28),
       ]);
+      // The edges of the cut through the bones, at rest.
+      this.cutLines = bones.map((bone) => {
+        const places = bone.outlines.flatMap((loop) => loop.flatMap((point, k) => [loop.at(k - 1), point].flatMap(([x, z]) => [x, this.body.data.plane_mm, z])));
+        const geometry = new THREE.BufferGeometry().setAttribute("position", new THREE.BufferAttribute(new Float32Array(places), 3));
+        const line = new THREE.LineSegments(geometry, new THREE.LineBasicMaterial({ color: "#8c7b5a" }));
+        line.matrixAutoUpdate = line.frustumCulled = false;
+        this.scene.add(line);
+        return [bone, line];
+      });
       for (const name of teeth) {
         const crowns = this.addSurface(arrays[`teeth_${name}_points`], arrays[`teeth_${name}_triangles`], "#f7f3e4", 0.6, true);
         this.bones.push([bones.find((bone) => bone.name === name), crowns]);
@@ -423,6 +433,16 @@ const Playback = (() => {
       this.controls.update();
     }
 
+    // Moves the eye around the body by so many steps, to the side and down, as dragging does.
+    turn(aside, down) {
+      const target = this.controls.target, way = this.camera.position.clone().sub(target), size = way.length(), step = Math.PI / 24;
+      const around = Math.atan2(way.y, way.x) - step * aside, from = Math.acos(way.z / size) + step * down;
+      const polar = Math.min(Math.PI - 1e-4, Math.max(1e-4, from)), flat = size * Math.sin(polar);
+      way.set(flat * Math.cos(around), flat * Math.sin(around), size * Math.cos(polar));
+      this.camera.position.copy(target).add(way);
+      this.controls.update();
+    }
+
     zoom(factor) {
       this.camera.zoom = Math.min(8, Math.max(0.4, this.camera.zoom * factor));
       this.camera.updateProjectionMatrix();
@@ -434,8 +454,16 @@ const Playback = (() => {
       this.parts.half.visible = this.parts.section.visible = half;
       this.lines.visible = lines && !half;
       this.rest.visible = rest;
-      for (const [, mesh] of this.bones) mesh.visible = bones;
+      const surfaces = this.tool ? [...this.bones, [null, this.tool]] : this.bones;
+      for (const [, mesh] of surfaces) mesh.visible = bones;
       for (const [, mesh] of this.context) mesh.visible = context;
+      for (const [, line] of this.cutLines) line.visible = half && bones;
+      // Bones, teeth and what is around the body are cut at the same plane; their insides are then seen.
+      for (const [, { material }] of [...surfaces, ...this.context]) {
+        material.clippingPlanes = half ? [{ normal: this.camera.up.clone().set(0, 1, 0), constant: -this.body.data.plane_mm }] : null;
+        material.side = half ? THREE.DoubleSide : 0;
+        material.needsUpdate = true;
+      }
       for (const [, mesh] of this.points) mesh.visible = points;
       if (this.leak) this.leak.visible = leak;
       for (const [, side, mesh] of this.fibres) mesh.visible = muscles && !(half && side === "left");
@@ -473,7 +501,7 @@ const Playback = (() => {
         mesh.geometry.attributes.position.needsUpdate = true;
         if (this.body.data.smooth) mesh.geometry.computeVertexNormals();
       }
-      for (const [bone, mesh] of this.bones) {
+      for (const [bone, mesh] of [...this.bones, ...this.cutLines]) {
         mesh.matrix.copy(this.body.placement(bone));
         mesh.matrixWorldNeedsUpdate = true;
       }

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-WIDE, NARROW = {"width": 1280, "height": 900}, {"width": 390, "height": 844}
+WIDE, LAPTOP, NARROW = {"width": 1280, "height": 900}, {"width": 1366, "height": 768}, {"width": 390, "height": 844}
 PATIENCE_MS = 60_000  # of a machine that does much else; docs/how-to/report.md says how long it takes on one that does not
 
 

@@ -51,7 +51,7 @@ def test_what_is_missing_is_said_with_what_to_do(renders: None, tmp_path: Path, 
         monkeypatch.setattr(module, "can_write", lambda folder: False)
     monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
     findings = named(tmp_path)
-    assert 'pip install "explicitfe[view]"' in findings["[view]"]["advice"]
+    assert 'pip install ".[view]"' in findings["[view]"]["advice"]
     assert findings["3D"]["state"] == "absent"
     assert {name for name, one in findings.items() if one["state"] == "attention"} >= {"memory", "results", "compiled kernels"}
     assert "temporary folder" in findings["compiled kernels"]["value"]

@@ -52,7 +52,7 @@ print(codes)
 """
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=300)
     assert done.stdout.splitlines()[-1:] == ["[2, 0, 0, 0]"], done.stderr
-    assert 'drawing pictures needs matplotlib, which is not installed: pip install "explicitfe[plots]"' in done.stderr
+    assert 'drawing pictures needs matplotlib, which is not installed: pip install ".[plots]"' in done.stderr
 
 
 def test_numbers_are_written_where_nothing_can_be_drawn(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -63,5 +63,6 @@ def test_numbers_are_written_where_nothing_can_be_drawn(monkeypatch: pytest.Monk
     with drawing(warnings):
         save(new_figure(1.0, 1.0), Path("never.png"))
     assert warnings == [
-        'no pictures were drawn, because drawing needs matplotlib, which is not installed: pip install "explicitfe[plots]"'
+        "no pictures were drawn, because drawing needs matplotlib, which is not installed: "
+        'pip install ".[plots]" in its source folder'
     ]

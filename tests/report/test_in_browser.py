@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from gesture import write_gesture, write_indentation
-from opened_page import NARROW, PATIENCE_MS, WIDE, Opened
+from opened_page import LAPTOP, NARROW, PATIENCE_MS, WIDE, Opened, accessibility_faults
 
 from explicitfe.app.view.page.run.write import write_report
 
@@ -126,6 +126,54 @@ def test_screens_and_colours(browser: Any, report: Path, viewport: dict[str, int
     opened.page.locator(f"label:has(#theme-{other})").click()
     assert (sum(opened.colour("backgroundColor")) > 600) == (other == "light")
     assert opened.share_drawn > 0.03 and opened.complaints == []
+
+
+def test_all_that_moves_is_above_the_player_of_a_laptop(browser: Any, gesture: Path, tmp_path: Path) -> None:
+    """Of a run whose checks passed; a low screen folds the options away."""
+    clean = Path(write_report([write_gesture(tmp_path / "clean.vtkhdf")])["report"])
+    for viewport in (LAPTOP, {"width": 1280, "height": 640}):
+        opened = Opened(browser, clean, viewport)
+        player = opened.page.locator(".player").bounding_box()
+        for selector in ("canvas", ".scale", ".contour svg", ".contour figcaption"):
+            box = opened.page.locator(selector).bounding_box()
+            assert box["y"] + box["height"] <= player["y"], (viewport, selector)
+
+
+def test_the_picture_is_turned_and_zoomed_by_keyboard(browser: Any, report: Path) -> None:
+    opened = Opened(browser, report, LAPTOP)
+    opened.page.locator("canvas").focus()
+    shown, clock = opened.picture("canvas"), opened.clock
+    for key in ("ArrowLeft", "ArrowUp", "ArrowRight", "ArrowDown", "+", "-"):
+        before = shown
+        opened.page.keyboard.press(key)
+        shown = opened.picture("canvas")
+        assert changed(before, shown) > 0.005, key
+    assert opened.clock == clock  # the same keys move in time where no picture is selected
+    for _ in range(60):
+        opened.page.keyboard.press("ArrowDown")  # not beyond the pole
+    assert opened.share_drawn > 0.02 and opened.complaints == []
+
+
+def test_bones_are_cut_too(browser: Any, gesture: Path, tmp_path: Path) -> None:
+    """The half of the palate on the speaker's left is gone, and comes back."""
+    opened = Opened(browser, Path(write_report([gesture], tmp_path / "cut.html")["report"]), LAPTOP)
+    opened.page.click("[data-view=front]")
+    for name in ("points", "muscles"):
+        if opened.page.locator(f"[data-show={name}]").count():
+            opened.page.uncheck(f"[data-show={name}]")
+    whole = opened.picture("canvas")
+    opened.page.check("[data-show=cut]")
+    half = opened.picture("canvas")
+    drawn = [np.abs(picture - picture[3, 20]).sum(axis=2)[12:, 12:-12] > 12 for picture in (whole, half)]  # no round corners
+    widths = [np.ptp(np.flatnonzero(one[: one.shape[0] // 2].any(axis=0))) for one in drawn]
+    assert widths[1] == pytest.approx(0.5 * widths[0], rel=0.1)
+    opened.page.uncheck("[data-show=cut]")
+    assert changed(opened.picture("canvas"), whole) < 0.001
+
+
+@pytest.mark.parametrize("viewport", [LAPTOP, NARROW], ids=["laptop", "telephone"])
+def test_the_page_is_accessible(browser: Any, report: Path, viewport: dict[str, int]) -> None:
+    assert accessibility_faults(Opened(browser, report, viewport).page) == []
 
 
 def test_two_runs_move_together(browser: Any, gesture: Path, tmp_path: Path) -> None:

@@ -43,4 +43,4 @@ def require(extra: Extra, what: str) -> None:
 
 def how_to_install(extra: Extra) -> str:
     """The end of a sentence on an extra that is missing."""
-    return f'{PACKAGES[extra]}, which is not installed: pip install "explicitfe[{extra}]"'
+    return f'{PACKAGES[extra]}, which is not installed: pip install ".[{extra}]" in its source folder'

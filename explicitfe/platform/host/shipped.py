@@ -30,6 +30,12 @@ def scenarios() -> dict[str, Path]:
     return _by_stem(folder_of("scenarios"))
 
 
+def name_of(file: str) -> str:
+    """What a user types for a scenario: the name alone of one that comes with the program, otherwise its file."""
+    path = Path(file)
+    return path.stem if scenarios().get(path.stem) == path else file
+
+
 def protocols() -> dict[str, Path]:
     """Name of a protocol of a planned test -> its file."""
     return _by_stem(folder_of("scenarios") / "protocols")

@@ -11,6 +11,7 @@ import numpy as np
 from pydantic import TypeAdapter, ValidationError
 
 from explicitfe.platform.errors import InputError, Progress, silent
+from explicitfe.platform.host.shipped import name_of
 from explicitfe.platform.host.text import json_of, text_of
 from explicitfe.platform.host.toml_text import toml_value
 from explicitfe.results.documents.sweep_to_draw import FactorIndex, MeasureIndices, SweepCause, SweepColumn, SweepToDraw
@@ -77,7 +78,7 @@ def sweep_to_draw(folder: Path, progress: Progress = silent) -> SweepToDraw:
     shown = drawn[0].number if drawn else numbers[finished[0]] if finished else None
     return SweepToDraw(
         title=_title(begun),
-        scenario=begun.scenario,
+        scenario=name_of(begun.scenario),
         folder=str(folder),
         design=design_in_words(begun),
         members=len(members),

@@ -10,7 +10,7 @@ import numpy as np
 
 from explicitfe.results.documents.loop_report import Estimate, LoopReport, NextExperiment, Parameters, estimates
 from explicitfe.results.documents.units_of_keys import words_and_unit
-from explicitfe.results.documents.verdict_text import effect_title, joined, probability, set_in_words
+from explicitfe.results.documents.verdict_text import JOINED_BY, effect_title, joined, probability, set_in_words
 from explicitfe.results.measure.document import Reaction
 
 DASH = "–"
@@ -197,7 +197,9 @@ def smooth_part(report: LoopReport) -> str:
 
 def worth_of(test: NextExperiment, report: LoopReport | None = None) -> str:
     """What a proposed test distinguishes, its expected information gain and its duration; ``report`` has names in words."""
-    names = [f'"{set_in_words(report or LoopReport(), name).replace(" and ", " plus ")}"' for name in test.separates]
+    sets = [set(name.split(JOINED_BY)) for name in test.separates]
+    words = [set_in_words(report or LoopReport(), name).replace(" and ", " plus ") for name in test.separates]
+    names = [f'"{text}{" alone" if any(own < other for other in sets) else ""}"' for text, own in zip(words, sets, strict=True)]
     pair = f"separates {' from '.join(names)}" if names else ""
     sds = f" (by {number(math.sqrt(test.separation), 2)} standard deviations)" if pair and finite(test.separation) else ""
     parts = [pair + sds]

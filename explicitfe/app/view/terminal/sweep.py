@@ -8,6 +8,7 @@ from rich.table import Table
 
 from explicitfe.app.view.terminal.files import file_lines
 from explicitfe.app.view.terminal.rows import pairs
+from explicitfe.platform.host.shipped import name_of
 from explicitfe.results.documents.sweep_summary import SweepMembers, SweepReport, SweepSummary
 
 MOST_CAUSES_SHOWN = 8
@@ -15,7 +16,7 @@ MOST_CAUSES_SHOWN = 8
 
 def sweep_table(summary: SweepSummary) -> RenderableType:
     """The progress of a sweep: stored runs, their statuses, causes of failures, throughput, files."""
-    table = pairs(f"sweep of {summary['scenario']}")
+    table = pairs(f"sweep of {name_of(summary['scenario'])}")
     table.add_row("runs", f"{summary['stored']} of {summary['members']}" + ("" if summary["complete"] else ", not complete"))
     table.add_row("status", escape(", ".join(f"{count} {status}" for status, count in summary["statuses"].items())) or "none yet")
     for cause, count in list(summary["failures"].items())[:MOST_CAUSES_SHOWN]:

@@ -13,7 +13,7 @@ from explicitfe.results.documents.sweep_to_draw import SweepColumn, SweepToDraw
 # A factor with more values than this is no grid to read.
 MOST_VALUES_OF_A_FACTOR = 24
 # Light enough for dark letters everywhere, dark enough to tell apart: ends of the scale, as shares of the colour of the page.
-FAINTEST_PERCENT, STRONGEST_PERCENT = 6.0, 62.0
+FAINTEST_PERCENT, STRONGEST_PERCENT = 6.0, 50.0
 DIGITS_OF_THE_RANGE = 3
 
 

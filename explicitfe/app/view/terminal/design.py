@@ -62,7 +62,7 @@ def _apart(rows: list[EffectInTest]) -> Table:
     table = Table(
         title="distinguishable effects at the largest plausible strength",
         title_justify="left",
-        caption="separation: squared distance in units of the noise; 25 is required",
+        caption="separation: squared distance in units of the noise; about 20 is required",
         caption_justify="left",
     )
     table.add_column("effect", no_wrap=True)

@@ -52,7 +52,7 @@ LONG_HEADLINE_LETTERS = 62
 # Lines beside the first picture: more would push it off the screen.
 MOST_FACTS = 8
 # Further hypotheses are folded away.
-MOST_HYPOTHESES = 10
+HYPOTHESES_SHOWN = 10
 
 
 @dataclass(frozen=True)
@@ -264,7 +264,7 @@ def hypotheses(report: LoopReport) -> list[PageTable | None]:
     first = chosen.index(True) if True in chosen else -1
     marks = [k == first for k in range(len(chosen))]
     every = [cells(one) for one in report.hypotheses]
-    parts = (slice(MOST_HYPOTHESES), slice(MOST_HYPOTHESES, None))
+    parts = (slice(HYPOTHESES_SHOWN), slice(HYPOTHESES_SHOWN, None))
     return [table(head, every[part], "tntnnww", marks[part]) for part in parts] if every else []
 
 

@@ -270,7 +270,7 @@ def test_encodings_of_other_programs_are_read(encoding: str, tmp_path: Path) -> 
         (PLAIN, [*GEL, "--friction", "slippery"], '--friction "slippery" is not possible'),
         (PLAIN, ["--test", "tension"], "add --tool platen|flat-cylinder|sphere|bonded-disc|clamps, here for clamps, --length-mm"),
         (PLAIN, ["--test", "tension", "--tool", "clamps", "--length-mm", "8"], "add --area-mm2 NUMBER (cross-section"),
-        (PLAIN, [*GEL, "--tool", "clamps"], "--tool clamps is for --test tension"),
+        (PLAIN, [*GEL, "--tool", "clamps"], "--tool clamps is not for --test compression"),
         (PLAIN.replace("Time (s)", "No"), GEL, '--time "COLUMN:s", or --rate PER_S without a time'),
         (PLAIN.replace("Time (s)", "No"), [*GEL, "--rate", "-1"], "give a number above 0"),
         (PLAIN, [*GEL, "--size-mm", "1,2,3"], "--size-mm (a block) excludes --diameter-mm"),

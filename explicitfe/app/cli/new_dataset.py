@@ -399,7 +399,7 @@ def _tool_shape(kind: str, shape: str | None, lacking: list[str]) -> str:
         return USUAL_TOOLS[kind]
     shape = _word(shape, TOOLS, "--tool", "Tool", USUAL_TOOLS[kind])
     if (shape == "clamps" and kind not in ("tension", "planar")) or (kind == "planar" and shape != "clamps"):
-        raise InputError(f"--tool {shape} is not for --test {kind}; give {USUAL_TOOLS[kind]} or another tool.")
+        raise InputError(f"--tool {shape} is not for --test {kind}, and clamps are for tension only; give {USUAL_TOOLS[kind]}.")
     return shape
 
 

@@ -46,6 +46,7 @@ UNDETERMINED_PART = 0.01
 # The end of a profile interval is searched in steps that grow by this factor; after so many steps it is infinite.
 WIDENING_FACTOR = 1.5
 MOST_WIDENINGS = 12
+FAR_CHI2 = 1e100
 
 
 @dataclass(frozen=True)
@@ -219,6 +220,10 @@ class Problem:
 
     def profiled(self, number: int, value: float, start: np.ndarray) -> float:
         """chi2 with one constant held and the others at their best."""
+        held = np.array(start, dtype=float)
+        held[number] = value
+        if not np.isfinite(self.chi2(held)):  # far outside, where the law has no finite stress
+            return FAR_CHI2
         best = self.minimise(start, {number: value})
         at_bound = best.copy()
         for k in range(1, len(best)):

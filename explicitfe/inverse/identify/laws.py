@@ -20,7 +20,7 @@ ConstantsLike = Sequence[float] | np.ndarray
 
 SMALLEST_MODULUS_PA = 1e-3  # The first constant must be above 0.
 LARGEST_FITTED_ALPHA = 25.0  # Ogden exponents stay within this magnitude.
-SMALLEST_FITTED_ALPHA = 0.1
+NO_ALPHA = 1e-7  # takes the place of an exponent of 0, whose energy is only a limit
 # Shares of the second modulus with which the start of a fit is sought.
 FIRST_RATIOS = (0.0, 0.02, 0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6)
 TRIED_ALPHAS = (-6.0, -2.0, 1.0, 2.0, 4.0, 8.0, 14.0)
@@ -69,7 +69,8 @@ class FitLaw:
 
     def table(self, constants: ConstantsLike) -> dict[str, Any]:
         """The law and its constants with their keys."""
-        return {"law": self.key, **{name: float(c) for name, c in zip(self.constants, constants, strict=True)}}
+        triples = zip(self.constants, constants, self.moduli, strict=True)
+        return {"law": self.key, **{name: float(c) if c or modulus else NO_ALPHA for name, c, modulus in triples}}
 
     def at(self, constants: ConstantsLike, poisson: float) -> Law:
         """The law with these constants, which are not checked: the optimiser also tries unstable ones."""

@@ -101,7 +101,11 @@ def test_the_commands_write_their_pages(tmp_path: Path, capsys: pytest.CaptureFi
     data = write_homogeneous(tmp_path / "data", "compression", "stretch,nominal_stress_Pa", stretch, stress, "stress_sd_Pa = 1.0")
     (tmp_path / "model.toml").write_text(MODEL, encoding="utf-8")
     for words_of_command, page, expected in (
-        (["identify", str(data)], "identify.html", ["C10 500.0 Pa", "Profile likelihood of C20", "one, fitted, error"]),
+        (
+            ["identify", str(data), "--poisson", "0.499"],
+            "identify.html",
+            ["C10 500.0 Pa", "Profile likelihood of C20", "one, fitted, error"],
+        ),
         (["predict", str(data), "--model", str(tmp_path / "model.toml")], "predict.html", ["by the elastic model", "< 0.01 %"]),
     ):
         out = tmp_path / words_of_command[0]

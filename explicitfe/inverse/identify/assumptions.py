@@ -240,7 +240,7 @@ def change_unit(fit: Fit) -> np.ndarray:
     return np.where(fit.constants == 0.0, fit.constants[0], np.abs(fit.constants))
 
 
-def refitted(name: str, observed: Sequence[Observed], others: Sequence[Observed], fit: Fit, *, left_open: bool) -> Hidden:
+def effect_by_refit(name: str, observed: Sequence[Observed], others: Sequence[Observed], fit: Fit, *, left_open: bool) -> Hidden:
     """Effect of an alternative that needs no simulation: the same rows as ``observed``, with other models."""
     try:
         best = Problem(others, fit.sds, fit.law).solve(fit.constants)

@@ -16,7 +16,7 @@ from explicitfe.inverse.measured.select import Group
 from explicitfe.inverse.predict.setup import Setup, is_uniform, setup_of
 
 POISSON_OF_ELEMENTS = 0.499
-MODES: dict[str, Mode] = {"uniaxial": "uniaxial", "equibiaxial": "biaxial", "planar": "planar", "shear": "shear"}
+MODE_OF_CURVE: dict[str, Mode] = {"uniaxial": "uniaxial", "equibiaxial": "biaxial", "planar": "planar", "shear": "shear"}
 # Where forces are imposed, the model may sink in deeper than what was measured: a response goes so much farther.
 LARGEST_DEPTH_FACTOR = 1.15
 # So many runs of the simulator are planned for a group with a tool, for each of its meshed tests, and for the paper's method.
@@ -91,7 +91,7 @@ class ForwardModels:
     def response(self, curve: Curve, law: FitLaw = YEOH) -> Response:
         """Response of a law in the test of a curve."""
         if curve.tool is None:
-            kind = MODES[curve.kind]
+            kind = MODE_OF_CURVE[curve.kind]
             return self._responses.setdefault((kind, law.name), PointResponse(kind, self.of_closed_forms, law))
         setup = self.setups[curve.id]
         uniform = is_uniform(setup)

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from explicitfe.fem.materials.homogeneous import INCOMPRESSIBLE
-from explicitfe.inverse.identify.assumptions import Hidden, alternatives, refitted, what_a_fit_hides
+from explicitfe.inverse.identify.assumptions import Hidden, alternatives, effect_by_refit, what_a_fit_hides
 from explicitfe.inverse.identify.compare_laws import (
     LawFit,
     compared,
@@ -114,7 +114,7 @@ def identify_constants(
             continue
         rows[group.name] = group_rows(fitted, models.assumed(group), models.reported_poisson)
         setup = models.setups.get(group.fitted[0].id) if fitted.fit.law.in_elements else None
-        setup = setup if setup is not None and _simulated(setup, fitted.fit) else None
+        setup = setup if setup is not None and _elements_accept(setup, fitted.fit) else None
         pictures[group.name] = pictures_of(fitted, None if setup is None else replace(setup, law=fitted.fit.law.key))
         work.done()
     if len(failures) == len(groups):
@@ -214,7 +214,7 @@ def _fit_group(group: Group, models: ForwardModels, method: str, laws: Sequence[
         return replace(fitted, hidden=hidden)
     # Alternatives are those of the first curve's test, so only curves of this test can show their effect.
     setup = models.setups[first.id]
-    if not _simulated(setup, fit):
+    if not _elements_accept(setup, fit):
         return replace(fitted, hidden=hidden)
     alike = [n for n, curve in enumerate(group.fitted) if curve.tool is not None and models.setups[curve.id].key == setup.key]
     others = [n for n in range(len(observed)) if n not in alike]
@@ -227,7 +227,7 @@ def _fit_group(group: Group, models: ForwardModels, method: str, laws: Sequence[
     return replace(fitted, hidden=[*simulated, *hidden])
 
 
-def _simulated(setup: Setup, fit: Fit) -> bool:
+def _elements_accept(setup: Setup, fit: Fit) -> bool:
     """Whether elements accept the law with these constants."""
     try:
         replace(setup, law=fit.law.key).tables(*map(float, fit.constants))
@@ -245,7 +245,7 @@ def _without_runs(group: Group, models: ForwardModels, observed: Sequence[Observ
         for o, shape in zip(observed, tools, strict=True)
     ]
     if any(other is not o for other, o in zip(touching, observed, strict=True)):
-        hidden.append(refitted("a fitted contact instead of contact at 0", observed, touching, fit, left_open=True))
+        hidden.append(effect_by_refit("a fitted contact instead of contact at 0", observed, touching, fit, left_open=True))
     if models.poisson is None and None in tools:
         softer = [
             replace(o, model=CurveModel(PointResponse(o.model.response.kind, POISSON_OF_ELEMENTS, fit.law)))
@@ -253,7 +253,7 @@ def _without_runs(group: Group, models: ForwardModels, observed: Sequence[Observ
             else o
             for o in observed
         ]
-        hidden.append(refitted(f"Poisson's ratio {POISSON_OF_ELEMENTS:g}", observed, softer, fit, left_open=False))
+        hidden.append(effect_by_refit(f"Poisson's ratio {POISSON_OF_ELEMENTS:g}", observed, softer, fit, left_open=False))
     return hidden
 
 

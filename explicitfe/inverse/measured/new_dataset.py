@@ -136,9 +136,13 @@ def write_new_dataset(out: Path, sources: Sequence[tuple[Export, Sequence[Choice
         tables[name] = _rows(export, choices, replace(description, test=tests[name]), notes)
         measured: tuple[Quantity, ...] = ("stretch", "stress") if description.strip else tuple(c.quantity for c in choices[-2:])
         columns[name] = [TIME, *(QUANTITIES[quantity].column for quantity in measured)]
-        found = [f"{choice.column.name} [{choice.unit}]" for choice in choices]
-        found = found if len(found) == len(columns[name]) else [f"the rate, {description.rate_per_s:g} per s", *found]
-        origins = dict(zip(columns[name], found, strict=True)) | origins
+        own_origins = [f"{choice.column.name} [{choice.unit}]" for choice in choices]
+        own_origins = (
+            own_origins
+            if len(own_origins) == len(columns[name])
+            else [f"the rate, {description.rate_per_s:g} per s", *own_origins]
+        )
+        origins = dict(zip(columns[name], own_origins, strict=True)) | origins
     try:
         with whole_folder(out) as folder:
             text = _toml(plain_name(out.resolve().name), tables, description, tests)

@@ -27,7 +27,8 @@ def test_the_sentence_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(extras.PACKAGES, "view", "no_such_package")
     assert not extras.has_extra("view")
     with pytest.raises(
-        InputError, match=r'^drawing needs no_such_package, which is not installed: pip install "explicitfe\[view\]"$'
+        InputError,
+        match=r'^drawing needs no_such_package, which is not installed: pip install "\.\[view\]" in its source folder$',
     ):
         extras.require("view", "drawing")
 

@@ -539,7 +539,9 @@ def test_hypotheses_causes_and_the_next_test_on_the_page():
     assert "drainage &lt; 0.01 screened – 310" in text
     assert "could not be computed" in text and "the optimiser stopped at its bound" in text
     assert "The smooth misfit that remains after the fit is 0.12 times the noise (χ² = 31.2 for 29 functions, p = 0.36)." in text
-    assert "The same ramp ten times faster. Distinguishes relaxation from something that no candidate describes." in text
+    assert 'The same ramp ten times faster. Separates "relaxation" from "something that no candidate describes".' in unescape(
+        text
+    )
 
 
 def test_bars_of_the_picture():

@@ -53,10 +53,13 @@ def identify_page(
     how |= {"simulations": str(identification["forward_runs"]), "computed in": f"{number(identification['wall_s'], 2)} s"}
     method = "" if identification["method"] == "least-squares" else f" --method {identification['method']}"
     method += "" if identification["law"] == "yeoh" else f" --law {identification['law']}"
+    title = identification["title"] or identification["dataset"]
+    conclusion, _, reasons = groups[0].headline.partition(". ") if len(groups) == 1 else ("", "", "")
     return page_text(
         "page/identify.html.j2",
-        title=identification["title"] or identification["dataset"],
-        dataset=identification["dataset"],
+        title=conclusion.rstrip(".") or title,
+        reasons=reasons,
+        dataset=f"{title} ({identification['dataset']})" if conclusion else identification["dataset"],
         method=identification["method"].replace("-", " "),
         groups=groups,
         left_out=table(("curve", "why"), list(identification["left_out"].items()), "tw"),

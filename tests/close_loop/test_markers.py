@@ -278,3 +278,14 @@ def test_a_fixed_mass_is_there_from_the_start(order: tuple[str, str]) -> None:
     (load,) = scenario_with(system.runs.path, system.settings(model, data.curves[2])).load
     assert load.mass_g > 0.0
     assert load.start_ms == 0.0
+
+
+def test_a_scenario_that_is_none_is_refused(tmp_path: Path) -> None:
+    """`check` did not read it, and answered for any text file."""
+    folder = shutil.copytree(BEAM, tmp_path / "beam")
+    toml = folder / "dataset.toml"
+    stated = next(line for line in toml.read_text().splitlines() if line.startswith("scenario"))
+    (folder / "notes.txt").write_text("root:x:0:0\n")
+    toml.write_text(toml.read_text().replace(stated, 'scenario = "notes.txt"'))
+    with pytest.raises(InputError, match=r"notes\.txt"):
+        check_dataset(folder)

@@ -18,6 +18,7 @@ from explicitfe.inverse.measured.marker_doubts import doubts
 from explicitfe.inverse.measured.read import read_dataset
 from explicitfe.inverse.measured.units import FAR_FROM_ZERO_SHARE
 from explicitfe.results.documents.dataset_check import CheckedCurve, ColumnRange, DatasetCheckReport, HiddenEffect
+from explicitfe.simulate.scenario.read import read_transient
 
 _MILLIMETRES_PER_METRE = 1e3
 
@@ -31,11 +32,13 @@ def check_dataset(path: Path | str) -> DatasetCheckReport:
 
     Raises
     ------
-    InputError : the dataset is invalid.
+    InputError : the dataset or its scenario is invalid.
     """
     dataset = read_dataset(path)
     sides = split(dataset)
     scenario, sensors = (dataset.scenario, dataset.sensors) if isinstance(dataset, TrajectoryDataset) else (None, {})
+    if scenario is not None:
+        read_transient(scenario)
     specimens = isinstance(dataset, SpecimenDataset) and dataset.of_one_kind
     features = _features(sides.fit) if specimens else set()
     hidden: list[HiddenEffect] = [

@@ -147,7 +147,7 @@ def text_of(value: object) -> str:
         return ", ".join(_quantity(key, value[key]) for key in own_first)
     if isinstance(value, list | tuple):
         return ", ".join(text_of(inner) for inner in value)
-    return escape(str(value))
+    return "" if value is None else escape(str(value))
 
 
 def _quantity(key: str, value: object) -> str:

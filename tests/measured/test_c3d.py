@@ -146,7 +146,7 @@ def test_damaged_files_get_one_sentence(tmp_path: Path) -> None:
 def test_the_package_may_be_missing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = write_c3d(tmp_path / "a.c3d", places_mm())
     monkeypatch.setitem(extras.PACKAGES, "c3d", "no_such_package")
-    with pytest.raises(InputError, match=r'reading a C3D file needs no_such_package.*pip install "explicitfe\[c3d\]"'):
+    with pytest.raises(InputError, match=r'reading a C3D file needs no_such_package.*pip install "\.\[c3d\]"'):
         read_coils(path)
 
 

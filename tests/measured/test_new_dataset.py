@@ -108,7 +108,7 @@ def test_shipped_tables_become_a_dataset(
     assert command(["check", "gel", "--json"]) == 0
     report = check_answer("check", capsys.readouterr().out)
     assert [curve["side"] for curve in report["curves"]].count("holdout") == 1
-    assert "viscoelastic" in report["can_show"] and {"effect": "cycle-drift", "needs": "repeats"} in report["cannot_show"]
+    assert "viscoelastic" in report["can_show"] and {"effect": "cycle-drift", "needs": "repeated cycles"} in report["cannot_show"]
     assert any("friction of the tool is unknown" in warning for warning in report["warnings"])
     assert command(["new", "dataset", *files, *GEL]) == 2
     assert "gel: this already exists; name another folder with --out." in capsys.readouterr().err

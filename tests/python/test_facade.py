@@ -90,7 +90,7 @@ def test_a_table_of_pandas(ended):
 
 def test_without_pandas_a_sentence_says_how_to_install_it(ended, monkeypatch):
     monkeypatch.setitem(extras.PACKAGES, "pandas", "no_such_package")
-    with fe.open_result(ended) as result, pytest.raises(fe.InputError, match=r'pip install "explicitfe\[pandas\]"'):
+    with fe.open_result(ended) as result, pytest.raises(fe.InputError, match=r'pip install "\.\[pandas\]"'):
         result.to_pandas()
 
 

@@ -140,6 +140,7 @@ def test_every_test_counts_by_its_noise(tmp_path):
     for name, right in zip(("C10_Pa", "C20_Pa"), TRUTH, strict=True):
         low, high = group["constants"][name]["ci95"]
         assert low < right < high and high - low < 0.7 * np.ptp(alone["constants"][name]["ci95"])
+    # The standard deviation of chi2 is the square root of twice the degrees of freedom.
     assert group["chi2"] == pytest.approx(group["degrees_of_freedom"], rel=0.35)
     assert {"Poisson's ratio 0.499", "Poisson's ratio 0.5 (incompressible closed form)"} <= set(group["assumed"])
     assert {row["unit"] for row in group["curves"].values()} == {"Pa", "mm"} and group["noise_sd"] < 50.0

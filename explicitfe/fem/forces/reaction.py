@@ -1,4 +1,4 @@
-"""Forces of what holds a body: of held and prescribed nodes, and of ties.
+"""Reaction forces: of fixed and prescribed nodes, and of ties.
 
 A held or prescribed node moves as it is told, so the force that makes it do so follows from its equation of motion,
 R = M a + alpha M v - f_ext + f_int, with the forces and velocities of the integrator itself.

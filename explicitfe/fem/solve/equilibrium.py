@@ -264,7 +264,7 @@ class Relaxation(LoadedBody):
     # ---- approaching a load ----
 
     def _carry(self, progress: Callable[[float], None]) -> Stuck | None:
-        """Find the equilibrium under the dead loads, at once or, where that fails, in halves of what is missing."""
+        """Find the equilibrium under the dead loads; increments that do not converge are halved."""
         # without a load the body is at rest as it is: a residual of zero over a load of zero would be rounding
         loads, done, shares = self._external.copy(), 0.0, [1.0] if self._external.any() else []
         try:

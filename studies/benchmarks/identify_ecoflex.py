@@ -44,7 +44,7 @@ def main() -> None:
         for curve in read_dataset(options.dataset).curves:
             group = result["groups"][curve.constants]
             constants = [group["constants"][key]["value"] for key in ("C10_Pa", "C20_Pa")]
-            response = UniformResponse(setup_of(curve, POISSON, REFINEMENT))
+            response = UniformResponse(setup_of(curve, POISSON, REFINEMENT), POISSON)
             panels[curve.constants].append(
                 {
                     "split": group["curves"][curve.id]["split"],

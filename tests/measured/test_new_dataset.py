@@ -294,6 +294,18 @@ def test_a_script_is_told_what_is_missing(
     assert ".part" not in error and not list(tmp_path.glob("*b*"))
 
 
+def test_a_missing_option_is_stated_by_the_beginning_of_a_table(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Another table below the first lines is not read before all options are known."""
+    rows = "".join(f"{k},{0.001 * k:.3f},{0.002 * k:.3f}\n" for k in range(2500))
+    in_folder(tmp_path, monkeypatch, a=PLAIN.splitlines()[0] + "\n" + rows + 10 * "1,2,3,4\n")
+    assert command(["new", "dataset", "a.csv", "--test", "compression"]) == 2
+    assert "add --diameter-mm NUMBER" in capsys.readouterr().err
+    assert command(["new", "dataset", "a.csv", *GEL]) == 2
+    assert "a.csv, line 2502: this row has 4 cells" in capsys.readouterr().err
+
+
 def answering(monkeypatch: pytest.MonkeyPatch, *lines: str) -> None:
     monkeypatch.setattr(asking, "somebody_is_there", lambda: True)
     monkeypatch.setattr(sys, "stdin", io.StringIO("".join(f"{line}\n" for line in lines)))

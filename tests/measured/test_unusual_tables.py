@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from command import command
 
+from explicitfe.inverse.measured.export import read_export
 from explicitfe.inverse.measured.read import read_dataset
 
 # A ramp, a hold and a way back: time [s], displacement [mm], force [N].
@@ -61,6 +62,23 @@ def cell(row: int, column: int, text: str, separator: str = ",") -> Callable[[Li
         return [*lines[: row + 1], separator.join(cells), *lines[row + 2 :]]
 
     return change
+
+
+def test_many_rows_are_read_at_once_as_one_by_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Rows with text, lines of text, repeated names and other numbers of cells between many rows of numbers."""
+    lines = [f"{0.1 * k:.1f};{0.01 * k:.3f};{0.02 * k:.4f}".replace(".", ",") for k in range(9000)]
+    for k in (0, 77, 4096, 8999):
+        lines[k] = lines[k].rpartition(";")[0] + ";OVER"
+    lines[300:300] = ["Segment 2", "Zeit (s);Weg (mm);Kraft (N)", "", "1;2"]
+    (tmp_path / "a.csv").write_text("\n".join(["Zeit (s);Weg (mm);Kraft (N)", *lines]), encoding="utf-8")
+    at_once = read_export(tmp_path / "a.csv")
+    monkeypatch.setattr("explicitfe.inverse.measured.export.MOST_ROWS_AT_ONCE", 1)
+    one_by_one = read_export(tmp_path / "a.csv")
+    assert at_once.notes == one_by_one.notes and "4 cells have text" in at_once.notes[-1]
+    np.testing.assert_array_equal(at_once.line_of, one_by_one.line_of)
+    for one, other in zip(at_once.columns, one_by_one.columns, strict=True):
+        assert len(one.values) == 9000
+        np.testing.assert_array_equal(one.values, other.values)
 
 
 HEAD = ["Machine;Universal 5", "Operator;Müller", "Diameter;25", "Preload;0,05;N", "Date;28.11.2026;12:30:05", ""]
@@ -287,6 +305,11 @@ NOTED: dict[str, tuple[str, int, str]] = {
         table(change=each(lambda k, line: line if k % 4 == 0 else f"{line.rpartition(',')[0]},")),
         ROWS // 4,
         "45 rows without a number in each column are omitted, the first one in line 3",
+    ),
+    "the force of the first row is out of range": (
+        table(change=cell(0, 2, "OVER")),
+        ROWS - 1,
+        "1 rows without a number in each column are omitted, the first one in line 2",
     ),
     "the last row is cut": (
         table(

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, cast
 
@@ -203,11 +204,10 @@ def new_dataset(
         if file.suffix.lower() in MARKER_SUFFIXES:
             raise InputError(f"{file}: a {file.suffix} file has positions of markers; add --test trajectory.")
     with following(console, f"reading {', '.join(map(str, files))}"):
-        from explicitfe.inverse.measured.export import read_export
         from explicitfe.inverse.measured.new_dataset import TestDescription, quantities_of, usual_folder, write_new_dataset
         from explicitfe.platform.host.shipped import export_file
 
-        exports = [read_export(export_file(file)) for file in files]
+        exports = [_beginning(export_file(file)) for file in files]
     if asking.somebody_is_there():
         _show(exports[0])
     words = [None] if options.test is None else options.test.split(",")
@@ -251,6 +251,8 @@ def new_dataset(
         texts = "".join(f'; "{shortened(name)}" has text, such as "{shortened(cell)}"' for name, cell in exports[0].texts.items())
         options_to_add = ", ".join(dict.fromkeys(lacking))
         raise InputError(f"{exports[0].path}: add {options_to_add}. Columns: {shortened(names)}{texts}.")
+    with following(console, f"reading {', '.join(map(str, files))}"):
+        sources = [_whole(export, choices) for export, choices in sources]
     _print(write_new_dataset(options.out or usual_folder(files), sources, description), options.as_json)
 
 
@@ -337,6 +339,28 @@ def _choice(export: Export, quantity: Quantity, stated: str | None, lacking: lis
     if unit is None:
         unit = asking.ask(f'Unit of "{column.name}" ({", ".join(units)})', read_unit, units[0])
     return Choice(column, quantity, unit)
+
+
+def _beginning(path: Path) -> Export:
+    """The first lines of a file, or all where these are no table: large files are read when all options are known."""
+    from explicitfe.inverse.measured.export import read_export
+
+    with suppress(InputError):
+        return read_export(path, whole=False)
+    return read_export(path)
+
+
+def _whole(beginning: Export, choices: Sequence[Choice]) -> tuple[Export, list[Choice]]:
+    """A whole file, and its columns that were chosen from the beginning of it."""
+    from explicitfe.inverse.measured.export import read_export
+
+    export = read_export(beginning.path)
+    names = [[column.name for column in one.columns] for one in (beginning, export)]
+    columns = [
+        export.columns[beginning.columns.index(choice.column)] if names[0] == names[1] else export.column(choice.column.name)
+        for choice in choices
+    ]
+    return export, [replace(choice, column=column) for choice, column in zip(choices, columns, strict=True)]
 
 
 def _word(given: str | None, words: Sequence[str], option: str, question: str, usual: str) -> str:

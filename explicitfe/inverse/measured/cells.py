@@ -49,26 +49,36 @@ def numbers_of(cells: Sequence[str], decimal: str) -> tuple[np.ndarray, list[int
     texts : rows whose cell has text.
     unseparated : a row whose number has no thousands separator where others have; None if there is none.
     """
-    texts: list[int] = []
-    if decimal == ".":
-        try:
-            return np.array(list(map(float, cells))), texts, None
-        except ValueError:
-            pass
+    if (numbers := plain_numbers(cells, decimal)) is not None:
+        return np.array(numbers), [], None
     values = np.full(len(cells), math.nan)
+    texts: list[int] = []
+    plain: list[int] = []
     separated = False
-    long = None
     for number, cell in enumerate(cells):
-        if (match := _NUMBERS[decimal].fullmatch(cell)) is not None:
-            plain = re.sub(rf"[{_SPACES}'’{'.' if decimal == ',' else ','}]", "", cell).replace(decimal, ".")
-            values[number] = float(re.sub("[dD]", "e", plain))
+        if (one := plain_numbers([cell], decimal)) is not None:
+            values[number] = one[0]
+            plain += [number] if abs(one[0]) >= 1000.0 and "e" not in cell.lower() else []
+        elif (match := _NUMBERS[decimal].fullmatch(cell)) is not None:
+            unmarked = re.sub(rf"[{_SPACES}'’{'.' if decimal == ',' else ','}]", "", cell).replace(decimal, ".")
+            values[number] = float(re.sub("[dD]", "e", unmarked))
             separated |= match[1] is not None
-            long = number if match[1] is None and abs(values[number]) >= 1000.0 and "e" not in cell.lower() else long
         elif (clock := _CLOCK.fullmatch(cell)) is not None:
             values[number] = 3600 * int(clock[1]) + 60 * int(clock[2]) + float(clock[3].replace(",", "."))
         elif cell.lower() not in EMPTY_CELLS:
             texts.append(number)
-    return values, texts, long if separated else None
+    return values, texts, plain[-1] if separated and plain else None
+
+
+def plain_numbers(cells: Sequence[str], decimal: str) -> list[float] | None:
+    """The numbers of a column if all cells have some, without separators of thousands: most columns, at once."""
+    joined = "\n".join(cells)
+    if decimal == "," and "." in joined:
+        return None
+    try:
+        return list(map(float, joined.replace(",", ".").split("\n") if decimal == "," else cells))
+    except ValueError:
+        return None
 
 
 def decimal_mark(path: Path, columns: Sequence[Sequence[str]], line_of: Sequence[int]) -> str:
@@ -80,7 +90,8 @@ def decimal_mark(path: Path, columns: Sequence[Sequence[str]], line_of: Sequence
     """
     first: dict[str, tuple[int, str]] = {}
     for mark, other in (".,", ",."):
-        marked = ((line, cell) for cells in columns for line, cell in zip(line_of, cells, strict=True) if mark in cell)
+        with_mark = [cells for cells in columns if mark in "".join(cells)]
+        marked = ((line, cell) for cells in with_mark for line, cell in zip(line_of, cells, strict=True) if mark in cell)
         only = (row for row in marked if _NUMBERS[mark].fullmatch(row[1]) and not _NUMBERS[other].fullmatch(row[1]))
         if (row := next(only, None)) is not None:
             first[mark] = row

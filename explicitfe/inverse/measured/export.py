@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import csv
 import re
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +22,7 @@ from explicitfe.inverse.measured.cells import (
     is_unit_row,
     name_and_unit,
     numbers_of,
+    plain_numbers,
 )
 from explicitfe.inverse.measured.files import SMALLEST_CURVE_ROWS, lines_of
 from explicitfe.inverse.measured.quantities import is_name, is_unit
@@ -33,6 +34,7 @@ LARGEST_EXPORT_BYTES = 64 * 2**20
 # A longer line is no row of a table. The limit is below that of the csv module for a cell, 131 072.
 LONGEST_ROW_CHARACTERS = 100_000
 LINES_THAT_SHOW_THE_LAYOUT = 2000
+MOST_ROWS_AT_ONCE = 4096
 LINES_BELOW_NAMES = 3  # So many lines of text may stand between names and rows.
 LINES_OF_A_CELL = 5  # A quoted cell of a header may go on over so many lines.
 SEPARATORS = (";", "\t", ",", None)  # None: blanks
@@ -137,20 +139,31 @@ class _RowBlock:
     ----------
     names : the lines above the rows, as cells.
     begin : line of the first of them, or of the first row.
-    lines, rows : line of each row, and its cells.
+    lines : line of each row.
+    columns : cells of each column; "" where a row ends before it.
     texts, repeated : lines of text between the rows, and lines that repeat the names.
     """
 
     names: set[tuple[str, ...]]
     begin: int
-    lines: list[int]
-    rows: list[list[str]]
-    texts: list[int]
-    repeated: list[int]
+    columns: list[list[str]]
+    lines: list[int] = field(default_factory=list)
+    texts: list[int] = field(default_factory=list)
+    repeated: list[int] = field(default_factory=list)
+
+    def add(self, lines: Sequence[int], columns: Iterable[Sequence[str]]) -> None:
+        """Add rows, by their lines and the cells of each column."""
+        self.lines += lines
+        for column, cells in zip(self.columns, columns, strict=True):
+            column += cells
 
 
-def read_export(path: Path) -> Export:
+def read_export(path: Path, *, whole: bool = True) -> Export:
     """Read the table of numbers of a text file, with the column names and units above it.
+
+    Parameters
+    ----------
+    whole : read all rows, not only the first 2 000 lines.
 
     Raises
     ------
@@ -160,17 +173,18 @@ def read_export(path: Path) -> Export:
     advice = "export the table as plain text (.csv, .txt), with fewer rows"
     text = text_of(path, advice, largest_bytes=LARGEST_EXPORT_BYTES, of_other_programs=True).replace("\u2212", "-")
     lines = lines_of(text)
-    longest = max(range(len(lines)), key=lambda number: len(lines[number]))
-    if len(lines[longest]) > LONGEST_ROW_CHARACTERS:
+    lengths = list(map(len, lines))
+    if (longest := max(lengths)) > LONGEST_ROW_CHARACTERS:
         raise InputError(
-            f"{path}, line {longest + 1}: the line has {len(lines[longest])} characters, and a row of a table has at most "
+            f"{path}, line {lengths.index(longest) + 1}: the line has {longest} characters, and a row of a table has at most "
             f"{LONGEST_ROW_CHARACTERS}; export the table again, with one row per line."
         )
+    lines = lines if whole else lines[:LINES_THAT_SHOW_THE_LAYOUT]
     lines = _whole_cells(lines) if '"' in text else lines
     layout = _layout(path, lines[:LINES_THAT_SHOW_THE_LAYOUT])
     block, notes = _table(path, lines, layout)
     names, units, top = _names(path, lines, block.lines[0] - 1, layout)
-    cells = [[row[k] for row in block.rows] for k in layout.numeric]
+    cells = [block.columns[k] for k in layout.numeric]
     decimal = decimal_mark(path, cells, block.lines)
     columns = []
     texts: list[tuple[int, str]] = []
@@ -189,7 +203,7 @@ def read_export(path: Path) -> Export:
         notes.append(
             f'{path}: {len(texts)} cells have text instead of a number, the first one in line {line}: "{shortened(cell)}".'
         )
-    others = {names[k]: block.rows[0][k] for k in range(layout.width) if k not in layout.numeric and k < len(block.rows[0])}
+    others = {name: block.columns[k][0] for k, name in enumerate(names) if k not in layout.numeric}
     head = tuple(line.strip() for line in lines[:top] if line.strip())
     return Export(path, tuple(columns), head, np.array(block.lines), tuple(notes), others)
 
@@ -254,24 +268,34 @@ def _table(path: Path, lines: Sequence[str], layout: _Layout) -> tuple[_RowBlock
     outside: list[tuple[int, str]] = []  # lines and why they are no rows of the table
     above: list[tuple[int, list[str]]] = []  # lines that may be names
     texts: list[int] = []
-    for number, line in enumerate(lines, 1):
-        cells = _cells(line, layout.separator)
+    filled = [number for number, line in enumerate(lines, 1) if line.strip()]
+    begin, count = 0, 1
+    while begin < len(filled):
+        numbers_of_lines = filled[begin : begin + count]
+        if blocks and not above and not texts:
+            columns = _columns([lines[number - 1] for number in numbers_of_lines], layout)
+            if columns is not None:
+                blocks[-1].add(numbers_of_lines, columns)
+                begin, count = begin + count, min(2 * count, MOST_ROWS_AT_ONCE)
+                continue
+        if count > 1:
+            count = (count + 1) // 2
+            continue
+        number, begin = filled[begin], begin + 1
+        cells = _cells(lines[number - 1], layout.separator)
+        numbers, words = layout.count(cells)
+        # Text may stand in a row below others, and in the first one below the names where most cells are numbers.
+        with_text = bool(blocks and not above) or (bool(above) and numbers > words and len(cells) == layout.width)
         if not any(cells):
             continue
-        if len(cells) == layout.width and blocks and not above and not texts and _plain(cells):
-            blocks[-1].lines.append(number)
-            blocks[-1].rows.append(cells)
-            continue
-        numbers, words = layout.count(cells)
-        if numbers and layout.is_row(cells) and (not words or (blocks and not above)):
+        if numbers and layout.is_row(cells) and (not words or with_text):
             names = {tuple(row) for _, row in above}
             if not blocks or not names <= blocks[-1].names:
-                blocks.append(_RowBlock(names, above[0][0] if above else number, [], [], [], []))
+                blocks.append(_RowBlock(names, above[0][0] if above else number, [[] for _ in range(layout.width)]))
             else:
                 blocks[-1].texts += texts
                 blocks[-1].repeated += [line for line, _ in above]
-            blocks[-1].lines.append(number)
-            blocks[-1].rows.append(cells)
+            blocks[-1].add([number], [[cell] for cell in (cells + [""] * layout.width)[: layout.width]])
             above, texts = [], []
         elif not words and sum(map(is_number, cells)) > 1:
             outside.append((number, f"has {len(cells)} cells"))
@@ -280,22 +304,29 @@ def _table(path: Path, lines: Sequence[str], layout: _Layout) -> tuple[_RowBlock
         else:
             texts.append(number)
     for block in blocks:  # Below the last row there may be means and largest values.
-        while layout.count(block.rows[-1][: layout.numeric[0] + 1])[1]:
-            del block.rows[-1]
+        while layout.count([column[-1] for column in block.columns[: layout.numeric[0] + 1]])[1]:
+            for column in block.columns:
+                column.pop()
             block.texts.append(block.lines.pop())
-    table = max(blocks, key=lambda block: len(block.rows))
+    table = max(blocks, key=lambda block: len(block.lines))
     for block in blocks:
         if block is not table:
             outside += [(line, f"belongs to another table, which begins in line {block.begin},") for line in block.lines]
     return table, list(_about_lines(path, table, sorted(outside), layout.width))
 
 
-def _plain(cells: Sequence[str]) -> bool:
-    """Whether all cells are numbers with a decimal point, if any: a quick answer for most rows of large tables."""
-    try:
-        return len(list(map(float, cells))) > 0
-    except ValueError:
-        return False
+def _columns(lines: Sequence[str], layout: _Layout) -> list[list[str]] | None:
+    """The cells of each column of lines that follow a row, if all of them are rows: at once, because tables are large."""
+    separator, width, text = layout.separator, layout.width, "\n".join(lines)
+    if separator is None or '"' in text:
+        rows = [_cells(line, separator) for line in lines]
+        flat = [cell for cells in rows for cell in cells] if all(len(cells) == width for cells in rows) else []
+    else:
+        same = all(line.count(separator) == width - 1 for line in lines)
+        flat = text.replace("\n", separator).split(separator) if same else []
+        flat = [cell.strip() for cell in flat] if " " in text or not text.isascii() else flat
+    columns = [flat[k::width] for k in range(width)]
+    return columns if flat and any(plain_numbers(columns[k], mark) for k in layout.numeric for mark in ".,") else None
 
 
 def _about_lines(path: Path, table: _RowBlock, outside: Sequence[tuple[int, str]], width: int) -> Iterator[str]:
@@ -310,7 +341,7 @@ def _about_lines(path: Path, table: _RowBlock, outside: Sequence[tuple[int, str]
         count = f"{len(outside)} row{'s' * (len(outside) > 1)} of numbers"
         # A few values with names of their own are no rows that the table lacks.
         lacking = sum("another table" not in why for _, why in outside)
-        if len(outside) > MOST_ROWS_OUTSIDE or lacking > MOST_ROWS_OUTSIDE_SHARE * (len(outside) + len(table.rows)):
+        if len(outside) > MOST_ROWS_OUTSIDE or lacking > MOST_ROWS_OUTSIDE_SHARE * (len(outside) + len(table.lines)):
             raise InputError(
                 f"{path}, line {line}: this row {why} and is not part of the table of {width} columns that begins in line "
                 f"{table.lines[0]} ({count} in all); put each table into a file of its own, and export it with the same columns "

@@ -16,7 +16,7 @@ from explicitfe.inverse.identify.fit import contact_interval, least_squares_fit
 from explicitfe.inverse.identify.forward import CurveModel
 from explicitfe.inverse.identify.laws import FIT_LAWS
 from explicitfe.inverse.identify.observed import Observed
-from explicitfe.inverse.measured.contact import approach_of, contact_before
+from explicitfe.inverse.measured.contact import SMALL_FORCE_SHARE, approach_of, contact_before
 from explicitfe.inverse.measured.read import read_dataset
 
 DEPTHS_MM = np.arange(-1.0, 1.001, 0.02)
@@ -30,16 +30,38 @@ def curve(power: float, contact_mm: float = 0.0, offset_N: float = 0.0, seed: in
     return offset_N + 0.05 * np.maximum(DEPTHS_MM - contact_mm, 0.0) ** power + noise
 
 
+def contact_sd_mm(power: float, contact_mm: float = 0.2) -> float:
+    """Cramer-Rao bound of the contact [mm], whose estimate uses the rows up to 30 % of the largest force.
+
+    The force is a + b (x - contact)^power with unknown a, b and contact, and independent noise of SD_N in each row.
+    """
+    depth = np.maximum(DEPTHS_MM - contact_mm, 0.0)
+    used = depth**power <= SMALL_FORCE_SHARE * (depth**power).max()
+    slope = np.where(depth > 0.0, -0.05 * power * depth ** (power - 1.0), 0.0)
+    jacobian = np.stack([np.ones(len(depth)), depth**power, slope], axis=1)[used]
+    return float(SD_N * np.sqrt(np.linalg.inv(jacobian.T @ jacobian)[2, 2]))
+
+
 @pytest.mark.parametrize("power", [1.0, 1.5])
 @pytest.mark.parametrize("offset_N", [0.0, 0.3, -0.02])
-@pytest.mark.parametrize("sd_N", [0.0, SD_N])
-def test_an_approach_is_recognised(power: float, offset_N: float, sd_N: float) -> None:
-    for seed in range(5):
-        approach = approach_of(DEPTHS_MM, curve(power, 0.2, offset_N, seed, sd_N), power)
-        assert approach is not None
-        assert approach.contact == pytest.approx(0.2, abs=0.06 if sd_N else 1e-4)
-        assert approach.force == pytest.approx(offset_N, abs=1e-3)
-        assert approach.rows == int((approach.contact > DEPTHS_MM).sum())
+def test_an_approach_is_recognised(power: float, offset_N: float) -> None:
+    """The error of the contact is that of the best unbiased estimate, 0.011 mm for a flat tool and 0.024 mm for a ball.
+
+    The rms of 200 errors has a spread of 5 %, and the kink of a flat tool between two rows costs 15 %: 30 % in all.
+    """
+    exact = approach_of(DEPTHS_MM, curve(power, 0.2, offset_N, sd_N=0.0), power)
+    assert exact is not None and exact.contact == pytest.approx(0.2, abs=1e-4)
+    errors, forces = [], []
+    for seed in range(200):
+        approach = approach_of(DEPTHS_MM, curve(power, 0.2, offset_N, seed), power)
+        if approach is not None:
+            errors.append(approach.contact - 0.2)
+            forces.append(approach.force - offset_N)
+            assert approach.rows == int((approach.contact > DEPTHS_MM).sum())
+    assert len(errors) >= 196  # The slope of an approach exceeds three of its errors in 0.3 % of the cases.
+    assert np.sqrt(np.mean(np.square(errors))) < 1.3 * contact_sd_mm(power)
+    assert abs(np.mean(errors)) < 0.5 * contact_sd_mm(power)
+    assert np.std(forces) < 1.3 * SD_N / np.sqrt(60)  # the mean of 60 rows
 
 
 @pytest.mark.parametrize(
@@ -91,7 +113,7 @@ def test_a_dataset_is_zero_at_contact(
     assert made_curve.fit_contact
     if not options:
         assert len(made_curve.time_s) == len(DEPTHS_MM)
-        np.testing.assert_allclose(1e3 * made_curve.displacement_m + 0.2, DEPTHS_MM, atol=0.06)
+        np.testing.assert_allclose(1e3 * made_curve.displacement_m + 0.2, DEPTHS_MM, atol=3.0 * contact_sd_mm(power))
         assert abs(made_curve.force_N[:40].mean()) < 1e-3
         features = features_of([made_curve], [series_of(made_curve, "a", "")])
         assert "unloading" not in features and "force that pulls" not in features

@@ -115,3 +115,30 @@ def from_gmsh(path: Path, *, recombine: bool = False, version: float = 4.1, bina
     finally:
         gmsh.finalize()
     return path
+
+
+def round_body(path: Path, kind: str, order: int, *, incomplete: bool = False) -> Path:
+    """A ball of tetrahedra, or a cylinder of wedges or hexahedra, of radius 10 (and height 10) by Gmsh, with the group skin."""
+    import gmsh
+
+    gmsh.initialize(interruptible=False)
+    try:
+        options = {"General.Terminal": 0, "Mesh.MeshSizeMax": 5, "Mesh.ElementOrder": order}
+        options["Mesh.SecondOrderIncomplete"] = incomplete
+        options |= {"Mesh.RecombineAll": 1, "Mesh.Algorithm": 8} if kind == "hexahedra" else {}
+        for option, value in options.items():
+            gmsh.option.setNumber(option, value)
+        if kind == "tetrahedra":
+            gmsh.model.occ.addSphere(0, 0, 0, 10)
+        else:
+            disk = gmsh.model.occ.addDisk(0, 0, 0, 10, 10)
+            gmsh.model.occ.synchronize()
+            gmsh.model.occ.extrude([(2, disk)], 0, 0, 10, numElements=[2], recombine=True)
+        gmsh.model.occ.synchronize()
+        gmsh.model.addPhysicalGroup(3, [1], name="tissue")
+        gmsh.model.addPhysicalGroup(2, [tag for _, tag in gmsh.model.getEntities(2)], name="skin")
+        gmsh.model.mesh.generate(3)
+        gmsh.write(str(path))
+    finally:
+        gmsh.finalize()
+    return path

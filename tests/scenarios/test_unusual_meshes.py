@@ -16,7 +16,7 @@ import pyvista
 from explicitfe.app.tools.mesh_contents import mesh_contents
 from explicitfe.app.tools.new_model import write_new_model
 from explicitfe.fem.mesh.box import box
-from explicitfe.fem.mesh.hexmesh import HexMesh
+from explicitfe.fem.mesh.hexmesh import FACES, HexMesh, free_faces
 from explicitfe.fem.mesh.quality import volumes
 from explicitfe.fem.mesh.soundness import soundness
 from explicitfe.fem.mesh.traced_fibres import harmonic_direction, trace_fibres
@@ -27,6 +27,8 @@ from explicitfe.simulate.anatomy.anatomy import Anatomy
 from explicitfe.simulate.anatomy.own_mesh import read_model_file
 from explicitfe.simulate.anatomy.tongue import assemble
 from explicitfe.simulate.meshes import mesh_file
+from explicitfe.simulate.meshes.mesh_file import read_mesh
+from explicitfe.simulate.meshes.midpoints import hexahedra
 from explicitfe.simulate.scenario.read import read_scenario
 from explicitfe.simulate.scenario.transient import TransientScenario
 
@@ -152,6 +154,16 @@ READ: dict[str, tuple[Callable[[Path], Path], Mapping[str, Any], Mapping[str, in
              .replace("NODE, name=N\nALL", "NODE, name=N\n1, 1.\n")),
         BLOCK, {"SOLE": None, "ONE": 4, "N": 1, "SHELL": 4}, {"LOW": 4},
     ),
+    "surfaces of free faces, and combined ones": (
+        text("a.inp", FLAT + "*Elset, elset=LOW, generate\n1, 4\n*Surface, name=SKIN\nALL,\n*Surface, name=BARE\nLOW\n"
+             "*Surface, name=SOLE\nLOW, S1\n*Surface, name=ONE\n8, S2\n*Surface, name=SUM, combine=union\nSOLE, ONE\n"
+             "*Surface, name=LESS, combine=difference\nBARE, SOLE\n"),
+        BLOCK, {"SKIN": 26, "BARE": 17, "SOLE": 12, "ONE": 4, "SUM": 16, "LESS": 6}, {},
+    ),
+    "hexahedra of which all are inside out": (
+        text("a.inp", f"*Node\n{files.nodes()}*Element, type=C3D8\n{files.elements([[*h[4:], *h[:4]] for h in files.HEXES])}"),
+        BLOCK, {}, {},
+    ),
     "steps and loads after the mesh": (
         text("a.inp", FLAT + "*Material, name=M\n*Elastic\n1., 0.3\n*Step\n*Static\n1., 1.\n*Node print\nU\n*End Step\n"),
         BLOCK, {}, {},
@@ -235,6 +247,28 @@ def test_a_right_file_is_read_whole(
             assert contents[kind][name] == size or (size is None and contents[kind][name] > 0), (name, contents[kind])
 
 
+@pytest.mark.parametrize(("kind", "endings"), [("tetrahedra", 3), ("wedges", 2), ("hexahedra", 4)])
+def test_elements_of_second_order_stay_curved(kind: str, endings: int, tmp_path: Path, in_this_process: None) -> None:
+    """An arc of n chords has an error of area of 1/n^2: a fourth of it with nodes in the middles, alike in all formats."""
+    pytest.importorskip("gmsh", exc_type=(ImportError, OSError))
+    right = 4000.0 / 3.0 * np.pi if kind == "tetrahedra" else 1000.0 * np.pi
+    errors = {}
+    for order, incomplete, ending in ((1, 0, "msh"), (2, 1, "msh"), (2, 1, "inp"), (2, 0, "msh"), (2, 0, "vtk"))[: 1 + endings]:
+        path = files.round_body(tmp_path / f"a{order}{incomplete}.{ending}", kind, order, incomplete=bool(incomplete))
+        contents = mesh_contents(path)
+        errors[order, incomplete, ending] = contents["volume"] / right - 1.0
+        content = read_mesh(path)
+        body = hexahedra(content.points, content.cells, content.middles)
+        assert np.isin(content.middles[:, 2], body.hexes).all()
+        if ending != "vtk":
+            free = np.unique(body.hexes[free_faces(body.hexes)[0][:, None], FACES[free_faces(body.hexes)[1]]])
+            skin = body.nodes(content.node_sets["skin"])
+            np.testing.assert_array_equal(skin[np.isin(skin, body.hexes)], free)
+    first, *second = errors.values()
+    assert -0.05 < first < 0.0
+    np.testing.assert_allclose(second, first / 4.0, rtol=0.15)
+
+
 REFUSED = {
     "an instance of no part": (
         text("a.inp", files.assembly(files.instance("A").replace("part=CUBE", "part=CUB"))), 'did you mean "CUBE"'),
@@ -252,10 +286,12 @@ REFUSED = {
     "a file to include that is not there": (text("a.inp", "*Include, input=b.inp\n"), 'the file "b.inp" does not exist'),
     "another file": (text("a.inp", "once upon a time\n"), "line 1: there is no keyword"),
     "a word as coordinate": (text("a.inp", FLAT.replace("5.0", "five", 1)), "line 3, *Node"),
-    "a pyramid": (text("a.inp", FLAT + "*Element, type=C3D5\n99, 1, 2, 5, 4, 10\n"), "1 pyramid"),
+    "a pyramid": (text("a.inp", FLAT + "*Element, type=C3D5\n99, 1, 2, 5, 4, 10\n"), "four edges meet at the apex of a pyramid"),
     "tetrahedra on hexahedra": (written("vtu", [*HEX, ("tetra", files.HEXES[:1, [0, 1, 3, 4]])]), "do not fit together"),
-    "tetrahedra of second order": (
-        written("vtu", [("tetra10", np.arange(10)[None])]), "1 tetra10 cells; only"),
+    "tetrahedra whose middles lie elsewhere": (
+        written("vtu", [("tetra10", np.arange(10)[None])]), "do not lie near the middle of their edges, "),
+    "tetrahedra of third order": (
+        text("a.feb", files.feb("3.0").replace("hex8", "tet20")), "tet20 has 8 nodes"),
     "Gmsh 4.0": (text("a.msh", "$MeshFormat\n4 0 8\n$EndMeshFormat\n"), "msh41"),
     "a Gmsh file that is cut": (text("a.msh", files.gmsh_text(np.arange(27))[:900]), "has no end"),
     "a surface file": (text("a.stl", "solid a\nendsolid a\n"), "explicitfe new model"),
@@ -263,7 +299,8 @@ REFUSED = {
     "a FEBio node of two coordinates": (text("a.feb", files.feb("4.0").replace(">0,0,0<", ">0,0<")), '<node id="1"> does not'),
     "a FEBio element of seven nodes": (text("a.feb", files.feb("4.0").replace(",14,5<", ",14<", 1)), "hex8 has 7 nodes"),
     "FEBio that is cut": (text("a.feb", files.feb("4.0")[:500]), "no whole XML"),
-    "FEBio's higher elements": (text("a.feb", files.feb("3.0").replace("hex8", "hex20")), "hexahedron20"),
+    "FEBio's elements of another order": (text("a.feb", files.feb("3.0").replace("hex8", "hex20")), "hex20 has 8 nodes"),
+    "a surface of a face that is none": (text("a.inp", FLAT + "*Surface, name=A\n1, S7\n"), '"S7" is no face of element 1'),
 }  # fmt: skip
 
 

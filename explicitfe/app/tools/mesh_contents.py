@@ -24,7 +24,7 @@ def mesh_contents(path: Path) -> MeshContents:
     """
     content = read_mesh(path)
     try:
-        body = hexahedra(content.points, content.cells)
+        body = hexahedra(content.points, content.cells, content.middles)
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
     size = (content.cells >= 0).sum(axis=1)

@@ -171,7 +171,7 @@ def read_model_file(path: Path) -> Anatomy:
     unit = _METRES_PER_UNIT[table.length_unit]
     _check_extent(content.points * unit, mesh_path, table.length_unit)
     try:
-        body = hexahedra(content.points * unit, content.cells)
+        body = hexahedra(content.points * unit, content.cells, content.middles)
         check_size(len(body.hexes), f"{mesh_path}: the mesh", "mesh it coarser")
         number, bare = _without_loose_nodes(body)
     except InputError as error:

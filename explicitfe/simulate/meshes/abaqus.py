@@ -6,9 +6,12 @@ Materials, steps and loads are not read. A keyword that generates or moves nodes
 from __future__ import annotations
 
 import csv
+import operator
 import re
+from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from functools import cached_property, reduce
 from pathlib import Path
 
 import numpy as np
@@ -18,8 +21,8 @@ from explicitfe.simulate.meshes.content import SOLIDS, FileMesh, MeshBuilder
 
 # Nodes of continuum elements by their number -> how the package calls them.
 _SOLID = re.compile(r"C3D(\d+)[A-Z]*$")
-_KINDS = {count: kind for kind, count in SOLIDS.items()} | {
-    5: "pyramid", 10: "tetra10", 15: "wedge15", 20: "hexahedron20", 27: "hexahedron27",
+_KINDS = {
+    4: "tetra", 5: "pyramid", 6: "wedge", 8: "hexahedron", 10: "tetra10", 15: "wedge15", 20: "hexahedron20", 27: "hexahedron27",
 }  # fmt: skip
 # Shells, membranes, rigid and plane elements, lines, points and connectors: without the volume of tissue.
 _NO_SOLID = re.compile(
@@ -32,10 +35,11 @@ _REFUSED = {
     "SYMMETRIC MODEL GENERATION": "generates the mesh", "PARAMETER": "replaces numbers by formulas",
     "IMPORT": "takes the mesh from another job",
 }  # fmt: skip
-_ABAQUS_FACES = {
-    "hexahedron": ((0, 1, 2, 3), (4, 7, 6, 5), (0, 4, 5, 1), (1, 5, 6, 2), (2, 6, 7, 3), (3, 7, 4, 0)),
-    "tetra": ((0, 1, 2), (0, 3, 1), (1, 3, 2), (2, 3, 0)),
-    "wedge": ((0, 1, 2), (3, 5, 4), (0, 3, 4, 1), (1, 4, 5, 2), (2, 5, 3, 0)),
+# Faces of elements by the number of their corners.
+_FACES = {
+    8: ((0, 1, 2, 3), (4, 7, 6, 5), (0, 4, 5, 1), (1, 5, 6, 2), (2, 6, 7, 3), (3, 7, 4, 0)),
+    4: ((0, 1, 2), (0, 3, 1), (1, 3, 2), (2, 3, 0)),
+    6: ((0, 1, 2), (3, 5, 4), (0, 3, 4, 1), (1, 4, 5, 2), (2, 5, 3, 0)),
 }
 _MOST_INCLUDES = 10  # one within the other
 
@@ -341,17 +345,38 @@ class _Sets:
         return self.scopes[name.upper()]
 
     def _surface(self, scope: _Scope, block: _Block) -> list[int]:
+        """Nodes of a surface; of solid elements without the label of a face, those of their free faces."""
         nodes: list[int] = []
-        for _, line in block.data:
+        if "COMBINE" in block.parameters:
+            names = [word.strip().strip('"') for _, line in block.data for word in line.split(",") if word.strip()]
+            wrong = [name for name in names if name not in scope.surfaces or scope.surfaces[name] is block]
+            if wrong or not names:
+                raise block.fault(f'there is no surface "{", ".join(wrong)}" to combine; {nearest(wrong[0], scope.surfaces)}')
+            how = {"INTERSECTION": operator.and_, "DIFFERENCE": operator.sub}
+            members = [set(self._surface(scope, scope.surfaces[name])) for name in names]
+            return sorted(reduce(how.get(block.value("COMBINE").upper(), operator.or_), members))
+        for number, line in block.data:
             item, face, *_ = [*(word.strip().strip('"') for word in line.split(",")), "", ""]
             if block.parameters.get("TYPE", "").upper() == "NODE":
                 nodes += self._item(block, scope, "nsets", item, ())
                 continue
             for cell in self._item(block, scope, "elsets", item, ()):
-                kind, corners = self.mesh.cells[cell]
-                side = int(face[1]) - 1 if re.fullmatch("[sS][1-6]", face) else -1
-                faces = _ABAQUS_FACES.get(kind, ())
-                if kind in SOLIDS and not 0 <= side < len(faces):
-                    return []  # faces that the file does not name: nobody can choose this surface
-                nodes += [corners[at] for at in faces[side]] if kind in SOLIDS else corners
+                faces = self._faces(cell)
+                if faces and face:
+                    side = int(face[1]) - 1 if re.fullmatch("[sS][1-6]", face) else -1
+                    if not 0 <= side < len(faces):
+                        raise block.fault(f'"{face}" is no face of element {item}; correct the surface.', number)
+                    faces = faces[side : side + 1]
+                elif faces:
+                    faces = [corners for corners in faces if self._elements_at[frozenset(corners)] == 1]
+                nodes += [node for corners in faces for node in corners] if self._faces(cell) else self.mesh.cells[cell][1]
         return nodes
+
+    def _faces(self, cell: int) -> list[list[int]]:
+        kind, nodes = self.mesh.cells[cell]
+        return [[nodes[at] for at in face] for face in _FACES.get(SOLIDS.get(kind, 0), ())]
+
+    @cached_property
+    def _elements_at(self) -> Counter[frozenset[int]]:
+        """Number of elements at each face, by its corners."""
+        return Counter(frozenset(corners) for cell in range(len(self.mesh.cells)) for corners in self._faces(cell))

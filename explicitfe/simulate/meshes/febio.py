@@ -5,6 +5,7 @@ Materials, boundary conditions and loads are not read.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from xml.etree import ElementTree
@@ -12,7 +13,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from explicitfe.platform.errors import InputError, nearest
-from explicitfe.simulate.meshes.content import SOLIDS, FileMesh, MeshBuilder
+from explicitfe.simulate.meshes.content import FileMesh, MeshBuilder
 
 _KINDS = {
     "hex8": "hexahedron", "tet4": "tetra", "penta6": "wedge", "pyra5": "pyramid", "hex20": "hexahedron20",
@@ -52,8 +53,8 @@ def read_febio(path: str) -> FileMesh:
         if kind not in _KINDS and not kind.startswith(_NO_SOLIDS):
             raise InputError(f'elements of the type "{kind}" are not supported; mesh the body with hex8 or tet4.')
         own = [mesh.add_cell(_KINDS.get(kind, "other"), _nodes(one, node)) for one in part]
-        count = SOLIDS.get(_KINDS.get(kind, ""))
-        wrong = next((one for one in own if count is not None and len(mesh.cells[one][1]) != count), None)
+        count = re.sub(r"\D", "", kind)
+        wrong = next((one for one in own if kind in _KINDS and len(mesh.cells[one][1]) != int(count)), None)
         if wrong is not None:
             raise InputError(f"an element of the type {kind} has {len(mesh.cells[wrong][1])} nodes; export the file again.")
         cell |= zip(map(_label, part), own, strict=True)

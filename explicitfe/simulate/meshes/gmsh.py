@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from explicitfe.platform.errors import InputError
-from explicitfe.simulate.meshes.content import FileMesh, MeshBuilder
+from explicitfe.simulate.meshes.content import SOLIDS, FileMesh, MeshBuilder
 
 _DIMENSIONS = ("point", "curve", "surface", "volume")
 # Type -> what it is, its number of nodes and its dimension.
@@ -23,6 +23,10 @@ _TYPES = {
     7: ("pyramid", 5, 3), 8: ("line3", 3, 1), 9: ("triangle6", 6, 2), 10: ("quad9", 9, 2), 11: ("tetra10", 10, 3),
     12: ("hexahedron27", 27, 3), 13: ("wedge18", 18, 3), 14: ("pyramid14", 14, 3), 15: ("vertex", 1, 0), 16: ("quad8", 8, 2),
     17: ("hexahedron20", 20, 3), 18: ("wedge15", 15, 3), 19: ("pyramid13", 13, 3),
+}  # fmt: skip
+# Where Gmsh puts the nodes at the middles of edges, in the order of SOLID_EDGES, by the number of corners.
+_MIDDLES = {
+    4: (4, 5, 6, 7, 9, 8), 6: (6, 9, 7, 12, 14, 13, 8, 10, 11), 8: (8, 11, 13, 9, 16, 18, 19, 17, 10, 12, 14, 15),
 }  # fmt: skip
 _BINARY = {"i": "<i4", "u": "<u8", "d": "<f8"}
 _CUT = "it is damaged, or not written to its end"
@@ -97,6 +101,10 @@ def read_gmsh(path: str) -> FileMesh:
     read(sections, is_binary, mesh, groups)
     names = _names(sections.get("PhysicalNames", b""))
     dimensions_of = Counter(name for name in names.values())
+    for cell, (kind, nodes) in enumerate(mesh.cells):
+        count = SOLIDS.get(kind, len(nodes))
+        if len(nodes) > count:
+            mesh.cells[cell] = kind, nodes[:count] + [nodes[at] for at in _MIDDLES[count]]
     for (dimension, tag), cells in groups.items():
         name = names.get((dimension, tag), str(tag))
         alone = (dimension, tag) in names and dimensions_of[name] == 1

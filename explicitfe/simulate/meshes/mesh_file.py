@@ -5,6 +5,7 @@ from __future__ import annotations
 import builtins
 import contextlib
 import io
+import re
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import IO, Any
@@ -15,7 +16,7 @@ from explicitfe.platform.errors import InputError, nearest, shortened
 from explicitfe.platform.host.child import read_in_child
 from explicitfe.platform.host.regular import size_of
 from explicitfe.simulate.meshes.abaqus import read_abaqus
-from explicitfe.simulate.meshes.content import SOLIDS, FileMesh, check_kinds, set_name
+from explicitfe.simulate.meshes.content import SOLIDS, FileMesh, check_kinds, corners_and_middles, set_name
 from explicitfe.simulate.meshes.febio import read_febio
 from explicitfe.simulate.meshes.gmsh import is_gmsh, read_gmsh
 
@@ -120,8 +121,9 @@ def _read_by_meshio(path: str) -> FileMesh:
     points = _points_of(mesh.points)
     check_kinds(_counts(mesh.cells))
     solid = [block.type in SOLIDS and len(block.data) > 0 for block in mesh.cells]
-    blocks = [_nodes_of(block) for block, has_volume in zip(mesh.cells, solid, strict=True) if has_volume]
-    content = FileMesh(points, np.concatenate(blocks), point_data=_point_data_of(mesh.point_data, len(points)))
+    blocks = [_nodes_of(block, points) for block, has_volume in zip(mesh.cells, solid, strict=True) if has_volume]
+    cells, middles = (np.concatenate(of) for of in zip(*blocks, strict=True))
+    content = FileMesh(points, cells, middles, point_data=_point_data_of(mesh.point_data, len(points)))
     for name, arrays in mesh.cell_data.items():
         values = [_numbers(array) for array, has_volume in zip(arrays, solid, strict=True) if has_volume]
         flat = [array for array in values if array is not None and array.ndim == 1]
@@ -154,13 +156,13 @@ def _counts(blocks: Any) -> dict[str, int]:
     return counts
 
 
-def _nodes_of(block: Any) -> np.ndarray:
-    """The nodes of solid cells, (k, 8); those of fewer end in -1."""
+def _nodes_of(block: Any, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Corners (k, 8) of solid cells, and the nodes between them."""
     nodes = _numbers(block.data)
-    count = SOLIDS[block.type]
+    count = int(re.sub(r"\D", "", block.type) or SOLIDS[block.type])
     if nodes is None or nodes.ndim != 2 or nodes.shape[1] != count or nodes.dtype.kind not in "iu":
         raise InputError(f"the mesh contains {block.type} cells without {count} nodes each; export the file again.")
-    return np.pad(nodes.astype(np.int64), ((0, 0), (0, 8 - count)), constant_values=-1)
+    return corners_and_middles(block.type, nodes.astype(np.int64), points)
 
 
 def _points_of(values: object) -> np.ndarray:

@@ -1,7 +1,8 @@
 """Cut tetrahedra and wedges into hexahedra at the middles of their edges, faces and volumes.
 
 A tetrahedron gives four hexahedra, one at each corner, a wedge six, and next to wedges a hexahedron eight: faces between
-elements are cut alike on both sides. The volume is the same, and no element is inverted where the elements were not.
+elements are cut alike on both sides. The volume is the same, and no element is inverted where the elements were not. Elements of
+second order are all cut, so that each node in the middle of an edge becomes a corner, and curved edges stay so.
 """
 
 from __future__ import annotations
@@ -46,6 +47,7 @@ class Hexahedra:
     _parents: list[np.ndarray] = field(default_factory=list)
     _outside: list[np.ndarray] = field(default_factory=list)
     _on_surface: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=bool))
+    _number: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
 
     def nodes(self, nodes: np.ndarray) -> np.ndarray:
         """A set of nodes with the new ones between them: on the surface, or next to a node of the set inside the body."""
@@ -58,24 +60,28 @@ class Hexahedra:
             member[parents].all(axis=1) & (outside | inside[parents].any(axis=1))
             for parents, outside in zip(self._parents, self._outside, strict=True)
         ]
-        return np.flatnonzero(np.concatenate([member[:-1], *new]))
+        return np.unique(self._number[np.concatenate([member[:-1], *new])])
 
     def elements(self, cells: np.ndarray) -> np.ndarray:
         """The hexahedra made of a set of elements."""
         return np.flatnonzero(np.isin(self.of_cell, cells))
 
 
-def hexahedra(points: np.ndarray, cells: np.ndarray) -> Hexahedra:
-    """The hexahedra of solid elements (m, 8), of which those of fewer nodes end in -1.
+def hexahedra(points: np.ndarray, cells: np.ndarray, middles: np.ndarray) -> Hexahedra:
+    """The hexahedra of solid elements.
+
+    Parameters
+    ----------
+    points, cells, middles : as in :class:`explicitfe.simulate.meshes.content.FileMesh`.
 
     Raises
     ------
     InputError : a triangle of one element lies on a quadrilateral of another, so that faces do not fit together.
     """
     size = (cells >= 0).sum(axis=1)
-    if (size == 8).all():
-        return Hexahedra(points, cells, np.arange(len(cells)))
     cells = _right_handed(points, cells, size)
+    if (size == 8).all() and not len(middles):
+        return Hexahedra(points, cells, np.arange(len(cells)))
     edges, faces, corners = [], [], []
     for count in map(int, np.unique(size)):
         of = np.flatnonzero(size == count)
@@ -90,6 +96,7 @@ def hexahedra(points: np.ndarray, cells: np.ndarray) -> Hexahedra:
     outside = np.bincount(face_of, minlength=len(face)) == 1
     _check_faces(face[outside], size)
 
+    between, bends = _edge_nodes(points, edge, middles)
     first_face = len(points) + len(edge)
     first_cell = first_face + len(face)
     edge_rows, face_rows = iter(np.split(edge_of, np.cumsum([len(e) for e in edges])[:-1])), {}
@@ -102,7 +109,7 @@ def hexahedra(points: np.ndarray, cells: np.ndarray) -> Hexahedra:
     hexes, of_cell = [], []
     for of, count, corner, near in corners:
         a, b, c = near
-        to_a, to_b, to_c = (len(points) + next(edge_rows) for _ in range(3))
+        to_a, to_b, to_c = (between[next(edge_rows)] for _ in range(3))
 
         def across(one: int, other: int, count: int = count, corner: int = corner) -> np.ndarray:
             return next(at for (of_count, place), at in face_rows.items() if of_count == count and {corner, one, other} <= place)
@@ -117,25 +124,56 @@ def hexahedra(points: np.ndarray, cells: np.ndarray) -> Hexahedra:
     sides = np.concatenate([face[outside][:, [i, j]] for i, j in combinations(range(4), 2)])
     edge_outside = np.isin(_key(edge), _key(np.sort(sides, axis=1)))
     parents = [edge, face, cells]
-    middles = [_middle(points, of) for of in parents]
+    places = [_middle(points, of) for of in parents]
+    # Centres of faces and volumes by the shape functions of second order, those of a wedge nearly.
+    places[0] += bends[:-1]
+    for centre, corners_of, share in zip(places[1:], parents[1:], (np.where(face[:, 3:] < 0, 4 / 9, 0.5), 0.25), strict=True):
+        for i, j in combinations(range(cells.shape[1]), 2):
+            centre += share * bends[_edge_of(edge, corners_of[:, [i, j]])] if j < corners_of.shape[1] else 0.0
     counts = {_WORDS[count]: int((size == count).sum()) for count in np.unique(size)}
-    note = f"{' and '.join(f'{n} {name}' for name, n in counts.items())} were cut into {sum(map(len, hexes))} hexahedra."
+    order_of = " of second order" if len(middles) else ""
+    note = (
+        f"{' and '.join(f'{n} {name}' for name, n in counts.items())}{order_of} were cut into {sum(map(len, hexes))} hexahedra."
+    )
+    number = np.arange(len(points) + sum(map(len, places)))
+    number[len(points) : first_face] = between
     return Hexahedra(
-        np.concatenate([points, *middles]), np.concatenate(hexes)[order], np.concatenate(of_cell)[order], note,
-        parents, [edge_outside, outside, np.zeros(len(cells), dtype=bool)], on_surface[:-1],
+        np.concatenate([points, *places]), np.concatenate(hexes)[order], np.concatenate(of_cell)[order], note,
+        parents, [edge_outside, outside, np.zeros(len(cells), dtype=bool)], on_surface[:-1], number,
     )  # fmt: skip
 
 
+def _edge_of(edge: np.ndarray, pairs: np.ndarray) -> np.ndarray:
+    """Row of each pair of nodes (k, 2) in sorted edges (n, 2); -1: it is none."""
+    pairs = np.sort(pairs, axis=1)
+    keys, wanted = (np.ascontiguousarray(of) @ np.array([edge.max() + 2, 1]) for of in (edge, pairs))
+    at = np.minimum(np.searchsorted(keys, wanted), len(keys) - 1)
+    return np.where((keys[at] == wanted) & (pairs[:, 0] >= 0), at, -1)
+
+
+def _edge_nodes(points: np.ndarray, edge: np.ndarray, middles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Node in the middle of each edge, of the file or a new one, and its distance (n + 1, 3) from the straight edge.
+
+    The last row of distances is zero.
+    """
+    number, bends = len(points) + np.arange(len(edge)), np.zeros((len(edge) + 1, 3))
+    at = _edge_of(edge, middles[:, :2])
+    number[at] = middles[:, 2]
+    bends[at] = points[middles[:, 2]] - _middle(points, middles[:, :2])
+    return number, bends
+
+
 def _right_handed(points: np.ndarray, cells: np.ndarray, size: np.ndarray) -> np.ndarray:
-    """The elements, tetrahedra and wedges in the order of nodes that gives them a positive volume."""
+    """The elements in the order of nodes that gives them a positive volume; hexahedra only if all are turned, as in MED files."""
     cells = cells.copy()
-    for count, turned in ((4, [1, 0, 2, 3]), (6, [3, 4, 5, 0, 1, 2])):
+    for count, turned in ((4, [1, 0, 2, 3]), (6, [3, 4, 5, 0, 1, 2]), (8, [4, 5, 6, 7, 0, 1, 2, 3])):
         of = np.flatnonzero(size == count)
-        x = points[cells[of][:, :count]]
+        x = points[np.minimum(cells[of][:, :count], len(points) - 1)]
         total = np.zeros(len(of))
-        for corner, near in enumerate(_NEIGHBOURS[count]):
-            total += np.linalg.det(x[:, near] - x[:, [corner]])
-        wrong = of[total < 0.0]
+        with np.errstate(invalid="ignore"):  # HexMesh refuses nodes that are not finite
+            for corner, near in enumerate(_NEIGHBOURS[count]):
+                total += np.linalg.det(x[:, near] - x[:, [corner]])
+        wrong = of[total < 0.0] if count < 8 or (total < 0.0).all() else of[:0]
         cells[wrong[:, None], np.arange(count)] = cells[wrong[:, None], turned]
     return cells
 

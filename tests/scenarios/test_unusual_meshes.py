@@ -489,12 +489,29 @@ def _two_balls() -> Any:
     return grid.contour([0.0], scalars="distance")
 
 
+def _bracket() -> Any:
+    """An L of 40 x 40 x 20 mm, 18 mm wide, with a concave edge."""
+    outline = np.array([(0, 0, 0), (40, 0, 0), (40, 18, 0), (18, 18, 0), (18, 40, 0), (0, 40, 0)], dtype=float)
+    walls = pyvista.PolyData(outline, faces=[6, *range(6)]).triangulate().extrude((0, 0, 20), capping=True).triangulate().clean()
+    return walls.compute_normals(auto_orient_normals=True, consistent_normals=True, split_vertices=False)
+
+
 SURFACES = {
     "ball.stl": (lambda: pyvista.Sphere(radius=20), 4.0, 0.03, 0.5),
     "egg.ply": (lambda: pyvista.ParametricEllipsoid(30, 18, 14), 4.0, 0.04, 0.5),
     "ring.obj": (lambda: pyvista.ParametricTorus(ringradius=20, crosssectionradius=8), 2.5, 0.03, 0.5),
     "balls.stl": (_two_balls, 2.5, 0.03, 0.45),
-    "box.stl": (lambda: pyvista.Box((0, 30, 0, 20, 0, 20)), 2.0, 0.06, 0.5),  # its edges are rounded
+    # Flat faces and straight edges are exact; the circle of the cylinder loses what chords lose.
+    "box.stl": (lambda: pyvista.Box((0, 30, 0, 20, 0, 20)), 4.0, 1e-6, 0.5),
+    "turned.stl": (lambda: pyvista.Box((0, 30, 0, 20, 0, 20)).rotate_vector((1, 2, 3), 35), 3.0, 1e-6, 0.3),
+    "bracket.stl": (_bracket, 4.0, 1e-6, 0.45),
+    "can.stl": (lambda: pyvista.Cylinder(radius=12, height=25, direction=(0, 0, 1), resolution=64), 4.0, 0.03, 0.6),
+    "octahedron.stl": (
+        lambda: pyvista.Octahedron(radius=20).rotate_vector((1, -1, 0), 54.7356),
+        2.5,
+        2e-3,
+        0.2,
+    ),  # four edges at a corner
 }
 
 
@@ -511,6 +528,16 @@ def test_a_surface_is_filled_with_hexahedra(
     assert soundness(anatomy.mesh).part_count == 1 and not len(soundness(anatomy.mesh).same_place)
     scenario, _ = read_scenario(Path(model["scenario"]))
     assert isinstance(scenario, TransientScenario) and scenario.model.file == f"{name[:-4]}.toml"
+
+
+def test_sharp_edges_are_rounded_where_elements_would_be_bad(
+    tmp_path: Path, in_this_process: None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = _surface(tmp_path, "box.stl", pyvista.Box((0, 30, 0, 20, 0, 20)))
+    monkeypatch.setattr("explicitfe.simulate.meshes.fitted_grid._WORST_QUALITY", 0.99)
+    model = write_new_model(path, tmp_path, size_mm=2.0)
+    assert model["volume_ratio"] is not None and 0.93 < model["volume_ratio"] < 0.97
+    assert model["contents"]["smallest_scaled_jacobian"] > 0.4
 
 
 def test_surfaces_that_cannot_be_filled(tmp_path: Path, in_this_process: None) -> None:

@@ -2,27 +2,31 @@
 
 The layer gives each hexahedron at most one face on the surface, so that none is flattened where a corner of the grid meets a
 smooth surface (Schneiders 1996, Engng. Comput. 12:168-177). Nodes then move to where the mean ratio of all corners is best
-(Knupp 2000), those of the surface along it. Edges sharper than an element are rounded.
+(Knupp 2000), those of the surface along it, and those of its sharp edges along these.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import scipy
 
-from explicitfe.fem.bones.distance import DistanceField, distance_field
+from explicitfe.fem.bones.distance import distance_field
 from explicitfe.fem.bones.surface import TriangleSurface, in_mm
 from explicitfe.fem.mesh.hexmesh import FACES, HexMesh, free_faces
 from explicitfe.fem.mesh.quality import scaled_jacobians
 from explicitfe.fem.mesh.size import check_size
 from explicitfe.fem.mesh.triangles import triangle_samples
 from explicitfe.platform.errors import InputError
+from explicitfe.simulate.meshes.sharp_edges import Patches, patches_at, pillowed
 
 _CORE_DEPTH = 0.1  # of a cube: corners of the grid's cubes lie so deep inside at least
 _FARTHEST_NODE_CUBES = 1.5  # cubes; so near to each point of the surface is a node of the mesh
 _PER_CUBE = 3  # nodes of the field of distances along a cube
 _SMOOTHING_ROUNDS, _STEPS_PER_ROUND = 12, 25
-_PROJECTION_STEPS = 4
+_PROJECTION_STEPS = 2
+_WORST_QUALITY = 0.1  # scaled Jacobian below which sharp edges are rounded
 # The edges that leave a corner of a hexahedron, in right-handed order.
 _EDGES = np.array([(1, 3, 4), (2, 0, 5), (3, 1, 6), (0, 2, 7), (7, 5, 0), (4, 6, 1), (5, 7, 2), (6, 4, 3)])
 
@@ -58,18 +62,35 @@ def mesh_surface(surface: TriangleSurface, size_m: float) -> HexMesh:
     element, face = free_faces(hexes)
     quads = hexes[element[:, None], FACES[face]]
     inner, outer = np.unique(quads, return_inverse=True)
-    outer = len(points) + outer.reshape(quads.shape)
-    layer = np.concatenate([quads, outer], axis=1)  # FACES turn counter-clockwise seen from outside
-    hexes = np.concatenate([hexes, layer])
-    points = np.concatenate([points, _on_surface(field, points[inner])])
-    _check_whole(surface, points[len(used) :], size_m)
-    return HexMesh(_improve(points, hexes, len(used), field), hexes)
+    layer = np.concatenate([quads, len(points) + outer.reshape(quads.shape)], axis=1)  # FACES are seen from outside
+    points = np.concatenate([points, points[inner]])
+    mesh = _fitted(points, hexes, layer, Patches(surface, size_m), surface, size_m)
+    if scaled_jacobians(mesh.points, mesh.hexes).min() < _WORST_QUALITY:  # such as where four edges meet
+        mesh = _fitted(points, hexes, layer, Patches(surface, size_m, sharpest=-np.inf), surface, size_m)
+    return mesh
+
+
+def _fitted(
+    points: np.ndarray, hexes: np.ndarray, layer: np.ndarray, patches: Patches, surface: TriangleSurface, size_m: float
+) -> HexMesh:
+    """The hexahedra (m, 8) of the grid with a layer (f, 8) around them that reaches to the patches of the surface."""
+    points, quads = points.copy(), layer[:, :4]
+    label = patches.labels(quads, points)
+    around = patches_at(layer[:, 4:], label)
+    points[list(around)] = patches.places(list(around.values()), points[list(around)])[0]
+    points, layer, label, sheets = pillowed(points, layer, label)
+    around = patches_at(layer[:, 4:], label)
+    faces = points[layer[:, 4:]]
+    sides = 0.5 * (faces + np.roll(faces, 1, axis=1))
+    _check_whole(surface, np.concatenate([faces, sides, faces.mean(axis=1, keepdims=True)], axis=1), size_m)
+    hexes = np.concatenate([hexes, layer, sheets])
+    return HexMesh(_improve(points, hexes, np.array(list(around)), list(around.values()), patches), hexes)
 
 
 def _check_whole(surface: TriangleSurface, points: np.ndarray, size_m: float) -> None:
-    """InputError where a part of the surface has no node (k, 3) of the mesh near it."""
+    """InputError where a part of the surface has no point (f, k, 3) of the mesh's faces near it."""
     samples, _ = triangle_samples(surface.corners, 0.5 * size_m, surface.box_m)
-    away = scipy.spatial.cKDTree(points).query(samples)[0]
+    away = scipy.spatial.cKDTree(points.reshape(-1, 3)).query(samples)[0]
     if away.max() > _FARTHEST_NODE_CUBES * size_m:
         raise InputError(
             f"a part of the surface around {in_mm(samples[away.argmax()])} is thinner than three elements of {1e3 * size_m:g} mm "
@@ -116,36 +137,28 @@ def _corner_hinges(padded: np.ndarray) -> np.ndarray:
     return hinges
 
 
-def _on_surface(field: DistanceField, points: np.ndarray) -> np.ndarray:
-    """Points (k, 3) moved to the surface along the gradient of the distance."""
-    for _ in range(_PROJECTION_STEPS):
-        distance, gradient = field.at(points)
-        squared = np.maximum(np.einsum("ki,ki->k", gradient, gradient), 0.1)
-        points = points - (distance / squared)[:, None] * gradient
-    return points
-
-
-def _improve(points: np.ndarray, hexes: np.ndarray, inner_count: int, field: DistanceField) -> np.ndarray:
-    """Nodes in better places: all those inside, and along the surface those from ``inner_count`` on."""
+def _improve(
+    points: np.ndarray, hexes: np.ndarray, outer: np.ndarray, around: Sequence[frozenset[int]], patches: Patches
+) -> np.ndarray:
+    """Nodes in better places: all those inside, and those on the surface, ``outer``, along the patches ``around`` them."""
     size = float(np.linalg.norm(points[hexes[:, 0]] - points[hexes[:, 1]], axis=1).mean())
     best, best_quality = points, scaled_jacobians(points, hexes).min()
     for turn in range(_SMOOTHING_ROUNDS):
-        normal = field.at(points[inner_count:])[1]
-        normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
+        free = patches.places(around, points[outer])[1]
         # The floor of the volume falls, so that inverted corners unfold first and shapes are refined then.
         floor = 0.3 * 0.5**turn
 
-        def cost(x: np.ndarray, floor: float = floor, normal: np.ndarray = normal) -> tuple[float, np.ndarray]:
+        def cost(x: np.ndarray, floor: float = floor, free: np.ndarray = free) -> tuple[float, np.ndarray]:
             value, slope = _shape_cost(x.reshape(-1, 3), hexes, floor)
-            along = slope[inner_count:]
-            along -= np.einsum("ki,ki->k", along, normal)[:, None] * normal
+            slope[outer] = np.einsum("kij,kj->ki", free, slope[outer])
             return value, slope.ravel()
 
         result = scipy.optimize.minimize(
             cost, (points / size).ravel(), jac=True, method="L-BFGS-B", options={"maxiter": _STEPS_PER_ROUND}
         )
         points = size * result.x.reshape(-1, 3)
-        points[inner_count:] = _on_surface(field, points[inner_count:])
+        for _ in range(_PROJECTION_STEPS):
+            points[outer] = patches.places(around, points[outer])[0]
         quality = scaled_jacobians(points, hexes).min()
         if quality > best_quality:
             best, best_quality = points, quality

@@ -509,7 +509,7 @@ SURFACES = {
     "octahedron.stl": (
         lambda: pyvista.Octahedron(radius=20).rotate_vector((1, -1, 0), 54.7356),
         2.5,
-        2e-3,
+        0.01,
         0.2,
     ),  # four edges at a corner
 }

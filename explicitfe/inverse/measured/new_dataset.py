@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import takewhile
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from typing_extensions import TypedDict
@@ -58,8 +59,18 @@ class Strip:
     area_mm2: float
 
 
-@dataclass(frozen=True)
-class TestDescription:
+@dataclass(frozen=True, kw_only=True)
+class Description:
+    """Properties of any dataset that its files do not state."""
+
+    title: str
+    test: TestKind
+    source: str = ""
+    license: str = ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TestDescription(Description):
     """Properties of a test that its tables do not state.
 
     Attributes
@@ -74,13 +85,9 @@ class TestDescription:
     tests : of each file, where they are not all the same; all columns are then stretch and stress, or those of shear.
     """
 
-    test: TestKind
-    title: str
     specimen: RawTable
     tool: RawTable | None
     noise: RawTable = field(default_factory=dict)
-    source: str = ""
-    license: str = ""
     contact_force_N: float | None = None
     rate_per_s: float | None = None
     strip: Strip | None = None
@@ -127,72 +134,106 @@ def write_new_dataset(out: Path, sources: Sequence[tuple[Export, Sequence[Choice
     """
     check_free(out)
     notes: list[str] = []
-    files = [export.path for export, _ in sources]
-    ids = curve_names(files)
-    tests = dict(zip(ids.values(), description.tests or len(sources) * (description.test,), strict=True))
-    tables, columns = {}, {}
+    curves: list[CurveToWrite] = []
     origins: dict[str, str] = {}
-    for name, (export, choices) in zip(tests, sources, strict=True):
-        tables[name] = _rows(export, choices, replace(description, test=tests[name]), notes)
+    tests = description.tests or len(sources) * (description.test,)
+    for (export, choices), test in zip(sources, tests, strict=True):
+        rows = _rows(export, choices, replace(description, test=test), notes)
         measured: tuple[Quantity, ...] = ("stretch", "stress") if description.strip else tuple(c.quantity for c in choices[-2:])
-        columns[name] = [TIME, *(QUANTITIES[quantity].column for quantity in measured)]
+        columns = [TIME, *(QUANTITIES[quantity].column for quantity in measured)]
         own_origins = [f"{choice.column.name} [{choice.unit}]" for choice in choices]
-        own_origins = (
-            own_origins
-            if len(own_origins) == len(columns[name])
-            else [f"the rate, {description.rate_per_s:g} per s", *own_origins]
-        )
-        origins = dict(zip(columns[name], own_origins, strict=True)) | origins
-    try:
-        with whole_folder(out) as folder:
-            text = _toml(plain_name(out.resolve().name), tables, description, tests)
-            (folder / DATASET_FILE).write_text(text, encoding="utf-8")
-            for name, rows in tables.items():
-                lines = [",".join(columns[name]), *(",".join(f"{number:.9g}" for number in row) for row in rows)]
-                (folder / f"{name}.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
-            check_written(folder, out)
-    except InputError as error:
-        raise InputError(str(error).replace(f"{DATASET_FILE}, line", f"{DATASET_FILE} (not written), line")) from None
+        if len(own_origins) < len(columns):
+            own_origins.insert(0, f"the rate, {description.rate_per_s:g} per s")
+        origins = dict(zip(columns, own_origins, strict=True)) | origins
+        keys = [f"test = {toml_value(test)}"] if test != description.test else []
+        keys += ['group = "specimen"'] if description.one_specimen and len(sources) > 1 else []
+        if description.presses and rows[0, 1] != 0.0:
+            keys.append('contact = "fit"  # The displacement of first contact is fitted with the constants.')
+        curves.append(CurveToWrite(export.path, columns, rows, keys))
+    tables = []
+    for key, table in (("specimen", description.specimen), ("tool", description.tool), ("noise", description.noise)):
+        if table:
+            tables += ["", f"[{key}]", *(f"{toml_key(inner)} = {toml_value(value)}" for inner, value in table.items())]
+    curves_written = write_folder(out, description, tables, curves)
     return {
         "dataset": str(out),
-        "test": ", ".join(dict.fromkeys(tests.values())),
+        "test": ", ".join(dict.fromkeys(tests)),
         "columns": origins,
-        "curves": [
-            {
-                "id": ids[file],
-                "file": f"{ids[file]}.csv",
-                "source": str(file),
-                "rows": len(tables[ids[file]]),
-                "duration_s": float(tables[ids[file]][-1, 0]),
-            }
-            for file in files
-        ],
+        "curves": curves_written,
         "notes": list(dict.fromkeys(notes)),
     }
+
+
+class CurveToWrite(NamedTuple):
+    """A curve of a new dataset: its source, columns, rows (k, columns), and lines of TOML in and above its table."""
+
+    file: Path
+    columns: Sequence[str]
+    rows: np.ndarray
+    keys: Sequence[str]
+    comments: Sequence[str] = ()
+
+
+def write_folder(
+    out: Path,
+    described: Description,
+    tables: Sequence[str],
+    curves: Sequence[CurveToWrite],
+    *,
+    scenario: str | None = None,
+    files: Mapping[str, bytes] | None = None,
+) -> list[NewCurve]:
+    """Write dataset.toml, a CSV for each curve and other files, and read the dataset back.
+
+    Parameters
+    ----------
+    tables : lines of dataset.toml between its first keys and the curves.
+    files : name -> content.
+
+    Raises
+    ------
+    InputError : a value is outside its physical range. Nothing is written.
+    """
+    lines = ["# All keys: explicitfe schema dataset. Validate this folder with: explicitfe check FOLDER"]
+    head = {
+        "format": "explicitfe-dataset/1",
+        "name": plain_name(out.resolve().name),
+        **{key: getattr(described, key) for key in ("title", "test", "source", "license")},
+        "scenario": scenario,
+    }
+    lines += [*(f"{key} = {toml_value(value)}" for key, value in head.items() if value), *tables]
+    ids = curve_names([curve.file for curve in curves])
+    with whole_folder(out) as folder:
+        for name, content in (files or {}).items():
+            (folder / name).write_bytes(content)
+        for curve in curves:
+            file = f"{ids[curve.file]}.csv"
+            lines += ["", *curve.comments, "[[curve]]", f"id = {toml_value(ids[curve.file])}", f"file = {toml_value(file)}"]
+            lines += curve.keys
+            rows = [",".join(curve.columns), *(",".join(f"{number:.9g}" for number in row) for row in curve.rows)]
+            (folder / file).write_text("\n".join(rows) + "\n", encoding="utf-8")
+        (folder / DATASET_FILE).write_text("\n".join(lines) + "\n", encoding="utf-8")
+        try:
+            read_dataset(folder)
+        except InputError as error:
+            sentence = str(error).replace(str(folder), str(out))
+            raise InputError(sentence.replace(f"{DATASET_FILE}, line", f"{DATASET_FILE} (not written), line")) from None
+    return [
+        {
+            "id": ids[curve.file],
+            "file": f"{ids[curve.file]}.csv",
+            "source": str(curve.file),
+            "rows": len(curve.rows),
+            "duration_s": float(curve.rows[-1, 0]),
+        }
+        for curve in curves
+    ]
 
 
 def check_free(out: Path) -> None:
     """Raise InputError if a folder exists and is not empty."""
     if out.exists() and (not out.is_dir() or any(out.iterdir())):
         raise InputError(f"{out}: this already exists; name another folder with `out`.")
-
-
-def check_written(folder: Path, out: Path) -> None:
-    """Read a dataset back.
-
-    Parameters
-    ----------
-    folder : where it is written before it gets its final name.
-    out : its final name, which is the one in messages.
-
-    Raises
-    ------
-    InputError : a value is outside its physical range.
-    """
-    try:
-        read_dataset(folder)
-    except InputError as error:
-        raise InputError(str(error).replace(str(folder), str(out))) from None
 
 
 def curve_names(files: Sequence[Path]) -> dict[Path, str]:
@@ -342,32 +383,6 @@ def _from_contact(file: Path, rows: np.ndarray, description: TestDescription, no
     if begin:
         notes.append(f"{file}: {begin} rows before contact ({force_N:g} N) are omitted.")
     return rows
-
-
-def _toml(name: str, tables: Mapping[str, np.ndarray], description: TestDescription, tests: Mapping[str, TestKind]) -> str:
-    """The text of dataset.toml; ``tables`` and ``tests`` are those of each curve."""
-    lines = ["# All keys: explicitfe schema dataset. Validate this folder with: explicitfe check FOLDER"]
-    head = {
-        "format": "explicitfe-dataset/1",
-        "name": name,
-        "title": description.title,
-        "test": description.test,
-        "source": description.source,
-        "license": description.license,
-    }
-    lines += [f"{key} = {toml_value(value)}" for key, value in head.items() if value]
-    for key, table in (("specimen", description.specimen), ("tool", description.tool), ("noise", description.noise)):
-        if table:
-            lines += ["", f"[{key}]", *(f"{toml_key(inner)} = {toml_value(value)}" for inner, value in table.items())]
-    for curve, rows in tables.items():
-        lines += ["", "[[curve]]", f"id = {toml_value(curve)}", f"file = {toml_value(f'{curve}.csv')}"]
-        if tests[curve] != description.test:
-            lines.append(f"test = {toml_value(tests[curve])}")
-        if description.one_specimen and len(tables) > 1:
-            lines.append('group = "specimen"')
-        if description.presses and rows[0, 1] != 0.0:
-            lines.append('contact = "fit"  # The displacement of first contact is fitted with the constants.')
-    return "\n".join(lines) + "\n"
 
 
 def missing(export: Export, quantity: Quantity) -> str:

@@ -12,22 +12,22 @@ import numpy as np
 
 from explicitfe.inverse.measured.coils import Coils
 from explicitfe.inverse.measured.curve import TIME
-from explicitfe.inverse.measured.new_dataset import NewDataset, check_free, check_written, curve_names, plain_name, thinned
+from explicitfe.inverse.measured.new_dataset import CurveToWrite, Description, NewDataset, check_free, thinned, write_folder
 from explicitfe.inverse.measured.registration import check_directions, determine_a_rotation, procrustes, turns_over
-from explicitfe.inverse.measured.tables import RegistrationTable
+from explicitfe.inverse.measured.tables import RegistrationTable, TestKind
 from explicitfe.platform.errors import InputError, nearest
-from explicitfe.platform.host.shipped import DATASET_FILE, scenario_file, scenarios
+from explicitfe.platform.host.shipped import scenario_file, scenarios
 from explicitfe.platform.host.toml_text import toml_value
-from explicitfe.results.files.folder import whole_folder
 from explicitfe.simulate.anatomy.tongue import anatomy_of
 from explicitfe.simulate.scenario.read import read_transient
 
 SCENARIO_FILE = "scenario.toml"  # the copy of a bundled scenario
 MM_PER_M, MS_PER_S = 1e3, 1e3
+_SETTINGS = "# Settings of the scenario for this curve, such as loads, written as for --set: conditions.settings = [...]"
 
 
-@dataclass(frozen=True)
-class TrajectoryDescription:
+@dataclass(frozen=True, kw_only=True)
+class TrajectoryDescription(Description):
     """Properties of recordings that their tables do not state.
 
     Attributes
@@ -41,15 +41,13 @@ class TrajectoryDescription:
     one_speaker : whether all recordings are of the same speaker.
     """
 
-    title: str
+    test: TestKind = "trajectory"
     mapping: Mapping[str, str] = field(default_factory=dict)
     fixed: Sequence[str] = ()
     scenario: Path | None = None
     noise_mm: float | None = None
     interval_s: tuple[float, float] | None = None
     one_speaker: bool = False
-    source: str = ""
-    license: str = ""
 
     @cached_property
     def places_mm(self) -> dict[str, list[float]]:
@@ -100,47 +98,27 @@ def write_new_trajectory(out: Path, recordings: Sequence[Coils], description: Tr
         notes += _check_scenario(scenario, description, recordings)
     if scenario is not None and not description.places_mm:
         turns = _fits_rotation(scenario, description, recordings[0], notes)
-    ids = curve_names([coils.path for coils in recordings])
-    tables = {ids[coils.path]: _table(coils, description, notes) for coils in recordings}
-    origins = {ids[coils.path]: _origin(coils, description) for coils in recordings}
     bundled = scenario is not None and scenario in scenarios().values()
-    with whole_folder(out) as folder:
-        relative = None
-        if scenario is not None:
-            relative = SCENARIO_FILE if bundled else Path(os.path.relpath(scenario.resolve(), out.resolve())).as_posix()
-            if bundled:
-                (folder / SCENARIO_FILE).write_bytes(scenario.read_bytes())
-        text = _toml(plain_name(out.resolve().name), origins, turns, relative, description)
-        (folder / DATASET_FILE).write_text(text, encoding="utf-8")
-        for name, (head, rows) in tables.items():
-            lines = [",".join(head), *(",".join(f"{number:.9g}" for number in row) for row in rows)]
-            (folder / f"{name}.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
-        check_written(folder, out)
-    first = recordings[0]
+    relative = None
+    if scenario is not None:
+        relative = SCENARIO_FILE if bundled else Path(os.path.relpath(scenario.resolve(), out.resolve())).as_posix()
+    keys = ['start_s = "fit"', _SETTINGS] if description.places_mm else []
+    keys += ['group = "speaker"'] if description.one_speaker and len(recordings) > 1 else []
+    curves = [
+        CurveToWrite(coils.path, *_table(coils, description, notes), keys, _origin(coils, description)) for coils in recordings
+    ]
+    files = {SCENARIO_FILE: scenario.read_bytes()} if scenario is not None and bundled else None
+    written = write_folder(out, description, _tables(turns, relative, description), curves, scenario=relative, files=files)
     on = "at ({}) mm" if description.places_mm else "on {}"
     points = {sensor: on.format(point) for point, sensor in description.mapping.items()}
-    sensors = list(dict.fromkeys(column.rpartition("_")[0][:-2] for column in tables[ids[first.path]][0][1:]))
+    sensors = list(dict.fromkeys(column.rpartition("_")[0][:-2] for column in curves[0].columns[1:]))
     return {
         "dataset": str(out),
-        "test": "trajectory",
+        "test": description.test,
         "columns": {name: points.get(name, "not mapped to a point") for name in sensors},
-        "curves": [
-            {
-                "id": ids[coils.path],
-                "file": f"{ids[coils.path]}.csv",
-                "source": str(coils.path),
-                "rows": len(tables[ids[coils.path]][1]),
-                "duration_s": float(tables[ids[coils.path]][1][-1, 0]),
-            }
-            for coils in recordings
-        ],
+        "curves": written,
         "notes": list(dict.fromkeys(notes)),
     }
-
-
-def _cell(number: float) -> str:
-    """A number of a CSV file; a missing value is an empty cell."""
-    return f"{number:.9g}" if np.isfinite(number) else ""
 
 
 def _check_scenario(path: Path, description: TrajectoryDescription, recordings: Sequence[Coils]) -> list[str]:
@@ -230,21 +208,9 @@ def _table(coils: Coils, description: TrajectoryDescription, notes: list[str]) -
     return head, thinned(coils.path, np.column_stack(columns) + 0.0, notes)  # no -0
 
 
-def _toml(
-    name: str, origins: Mapping[str, Sequence[str]], turns: bool, scenario: str | None, description: TrajectoryDescription
-) -> str:
-    """The text of dataset.toml; ``origins`` has the comments on each curve."""
-    lines = ["# All keys: explicitfe schema dataset. Validate this folder with: explicitfe check FOLDER"]
-    head = {
-        "format": "explicitfe-dataset/1",
-        "name": name,
-        "title": description.title,
-        "test": "trajectory",
-        "source": description.source,
-        "license": description.license,
-        "scenario": scenario,
-    }
-    lines += [f"{key} = {toml_value(value)}" for key, value in head.items() if value]
+def _tables(turns: bool, scenario: str | None, description: TrajectoryDescription) -> list[str]:
+    """Lines of dataset.toml on sensors, registration and noise."""
+    lines = []
     if description.places_mm:
         lines.append('# Constants of the scenario that are not known: fit = ["stiffness"]')
     for point, sensor in description.mapping.items():
@@ -261,13 +227,4 @@ def _toml(
         lines += ["", "[registration]", *(['rotation = "fit"'] if turns else []), 'translation = "fit"']
     if description.noise_mm is not None:
         lines += ["", "[noise]", f"displacement_sd_mm = {toml_value(description.noise_mm)}"]
-    for curve, comments in origins.items():
-        lines += ["", *comments, "[[curve]]", f"id = {toml_value(curve)}", f"file = {toml_value(f'{curve}.csv')}"]
-        if description.places_mm:
-            lines += [
-                'start_s = "fit"',
-                "# Settings of the scenario for this curve, such as loads, written as for --set: conditions.settings = [...]",
-            ]
-        if description.one_speaker and len(origins) > 1:
-            lines.append('group = "speaker"')
-    return "\n".join(lines) + "\n"
+    return lines

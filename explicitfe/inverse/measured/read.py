@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 from pydantic import BaseModel, ValidationError
-from typing_extensions import TypedDict
 
 from explicitfe.fem.inputs.table import validated
 from explicitfe.inverse.measured.curve import (
@@ -56,64 +54,21 @@ def read_dataset(path: Path | str) -> Dataset:
     curves = tuple(_curve(table, number, source) for number in range(len(table.curve)))
     check_constants(curves, str(source.path))
     check_sides(curves, str(source.path))
-    return KINDS[table.test].dataset(table, source.path, curves)
-
-
-FEWEST_MARKERS = 3  # that determine a rotation
-
-
-class DatasetHead(TypedDict):
-    """What all datasets state."""
-
-    name: str
-    title: str
-    test: TestKind
-    source: str
-    license: str
-    notes: str
-    path: Path
-
-
-class KindOfDataset(NamedTuple):
-    """What differs between tests of specimens and trajectories when a dataset is read.
-
-    Attributes
-    ----------
-    check : raises an InputError where the test lacks a table or has one that it cannot have.
-    dataset : from the file, its path and its curves.
-    kind : of curves without a tool.
-    """
-
-    check: Callable[[DatasetFile, DatasetToml], None]
-    dataset: Callable[[DatasetFile, Path, tuple[Curve, ...]], Dataset]
-    kind: Kind
-
-
-def _head(table: DatasetFile, path: Path) -> DatasetHead:
-    return {
-        "name": table.name,
-        "title": table.title,
-        "test": table.test,
-        "source": table.source,
-        "license": table.license,
-        "notes": table.notes,
-        "path": path,
-    }
-
-
-def _specimens(table: DatasetFile, path: Path, curves: tuple[Curve, ...]) -> Dataset:
-    return SpecimenDataset(**_head(table, path), curves=curves, rig=table.rig)
-
-
-def _trajectories(table: DatasetFile, path: Path, curves: tuple[Curve, ...]) -> Dataset:
+    head = {name: getattr(table, name) for name in ("name", "title", "test", "source", "license", "notes")}
+    if table.test != "trajectory":
+        return SpecimenDataset(**head, path=source.path, curves=curves, rig=table.rig)
     return TrajectoryDataset(
-        **_head(table, path),
+        **head,
+        path=source.path,
         curves=curves,
-        scenario=None if table.scenario is None else path.parent / table.scenario,
+        scenario=None if table.scenario is None else source.path.parent / table.scenario,
         sensors={sensor.name: _sensor(sensor) for sensor in table.sensor},
         registration=table.registration,
         fit=tuple(table.fit),
     )
+
+
+FEWEST_MARKERS = 3  # that determine a rotation
 
 
 def _sensor(table: SensorTable) -> Sensor:
@@ -171,7 +126,7 @@ def _check_specimens(table: DatasetFile, source: DatasetToml) -> None:
         key: tuple[str | int, ...] = ("curve", number, "test") if own else ("test",)
         if test == "indentation" and not tool:
             raise source.fault(key, "an indentation needs a [tool]; add it.")
-        if KINDS[test].kind != "uniaxial" and tool:
+        if KINDS[test] != "uniaxial" and tool:
             raise source.fault(key, f"a test of kind {test} is a homogeneous state and has no [tool]; remove it.")
         if own and curve.tool and not curve.specimen:
             raise source.fault(key, "a curve of a test of its own needs its own specimen under a tool; add [curve.specimen].")
@@ -180,20 +135,21 @@ def _check_specimens(table: DatasetFile, source: DatasetToml) -> None:
         raise source.fault(("test",), "some curves of the test have a tool, others none; add a [tool] for all.")
 
 
-KINDS: dict[TestKind, KindOfDataset] = {
-    "indentation": KindOfDataset(_check_specimens, _specimens, "uniaxial"),
-    "compression": KindOfDataset(_check_specimens, _specimens, "uniaxial"),
-    "tension": KindOfDataset(_check_specimens, _specimens, "uniaxial"),
-    "equibiaxial": KindOfDataset(_check_specimens, _specimens, "equibiaxial"),
-    "planar": KindOfDataset(_check_specimens, _specimens, "planar"),
-    "shear": KindOfDataset(_check_specimens, _specimens, "shear"),
-    "trajectory": KindOfDataset(_check_trajectories, _trajectories, "trajectory"),
+# Kinds of curves without a tool.
+KINDS: dict[TestKind, Kind] = {
+    "indentation": "uniaxial",
+    "compression": "uniaxial",
+    "tension": "uniaxial",
+    "equibiaxial": "equibiaxial",
+    "planar": "planar",
+    "shear": "shear",
+    "trajectory": "trajectory",
 }
 
 
 def _check_tables(table: DatasetFile, source: DatasetToml) -> None:
     """Raise InputError where the test lacks a table or has one that it cannot have, or where a name is used twice."""
-    KINDS[table.test].check(table, source)
+    (_check_trajectories if table.test == "trajectory" else _check_specimens)(table, source)
     for array, key in (("sensor", "name"), ("curve", "id"), ("curve", "file")):
         names = [getattr(entry, key) for entry in getattr(table, array)]
         for number, name in enumerate(names):
@@ -270,7 +226,7 @@ def _of_its_own(curve: CurveTable, table: DatasetFile) -> bool:
 
 def _kind(table: DatasetFile, curve: CurveTable) -> Kind:
     tool = curve.tool or (None if _of_its_own(curve, table) else table.tool)
-    return KINDS[curve.test or table.test].kind if tool is None else "force-displacement"
+    return KINDS[curve.test or table.test] if tool is None else "force-displacement"
 
 
 def _setup(table: DatasetFile, number: int, source: DatasetToml) -> MergedTables:

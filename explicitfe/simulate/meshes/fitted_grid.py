@@ -99,42 +99,25 @@ def _check_whole(surface: TriangleSurface, points: np.ndarray, size_m: float) ->
 
 
 def _without_hinges(core: np.ndarray) -> np.ndarray:
-    """The largest part of cubes that faces connect, without cubes that share an edge or a corner only with their neighbours."""
+    """The largest part of cubes that faces connect, without places at which its surface touches itself.
+
+    These are corners around which the cubes, or the empty places, are connected by no faces.
+    """
     core = core.copy()
     while True:
         label, count = scipy.ndimage.label(core)
         if count > 1:
             core = label == 1 + np.argmax(np.bincount(label.ravel())[1:])
         padded = np.pad(core, 1)
-        hinges = np.zeros_like(padded)
-        for a, b in ((0, 1), (0, 2), (1, 2)):
-            shape = [n - (axis in (a, b)) for axis, n in enumerate(padded.shape)]
-
-            def part(i: int, j: int, a: int = a, b: int = b, shape: list[int] = shape) -> tuple[slice, ...]:
-                shift = {a: i, b: j}
-                return tuple(slice(shift.get(axis, 0), shift.get(axis, 0) + n) for axis, n in enumerate(shape))
-
-            here = [[padded[part(i, j)] for j in (0, 1)] for i in (0, 1)]
-            for i in (0, 1):
-                only = here[0][i] & here[1][1 - i] & ~here[0][1 - i] & ~here[1][i]
-                hinges[part(0, i)] |= only
-        corners = _corner_hinges(padded)
-        hinges |= corners
-        if not hinges.any():
+        blocks = np.lib.stride_tricks.sliding_window_view(padded, (2, 2, 2)).reshape(-1, 8)
+        kinds, of = np.unique(blocks, axis=0, return_inverse=True)
+        bad = np.array([max(scipy.ndimage.label(k.reshape(2, 2, 2) == full)[1] for full in (True, False)) > 1 for k in kinds])
+        places = np.argwhere(bad[of.ravel()].reshape([n - 1 for n in padded.shape]))
+        if not len(places):
             return core
-        core &= ~hinges[1:-1, 1:-1, 1:-1]
-
-
-def _corner_hinges(padded: np.ndarray) -> np.ndarray:
-    """Cubes of a corner at which the cubes, or the empty places, are connected by no faces: the surface touches itself there."""
-    blocks = np.lib.stride_tricks.sliding_window_view(padded, (2, 2, 2)).reshape(-1, 8)
-    kinds, of = np.unique(blocks, axis=0, return_inverse=True)
-    bad = np.array([max(scipy.ndimage.label(k.reshape(2, 2, 2) == full)[1] for full in (True, False)) > 1 for k in kinds])
-    hinges = np.zeros_like(padded)
-    for place in np.argwhere(bad[of.ravel()].reshape([n - 1 for n in padded.shape])):
-        around = np.argwhere(padded[tuple(slice(p, p + 2) for p in place)])
-        hinges[tuple(place + around[0])] = True
-    return hinges
+        for place in places:
+            first = np.argwhere(padded[tuple(slice(p, p + 2) for p in place)])[0]
+            core[tuple(place + first - 1)] = False
 
 
 def _improve(

@@ -15,7 +15,7 @@ from explicitfe.inverse.close_loop.information import Foretold, bhattacharyya, e
 from explicitfe.inverse.close_loop.proposals import LOAD_FACTOR, PACE_FACTOR, proposals, room_of
 from explicitfe.inverse.measured.curve import programme_of
 from explicitfe.inverse.measured.read import read_dataset
-from explicitfe.inverse.measured.rig import RigLimits
+from explicitfe.inverse.measured.tables import RigLimits
 from explicitfe.platform.errors import InputError
 
 pytestmark = pytest.mark.slow

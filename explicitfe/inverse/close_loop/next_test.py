@@ -21,7 +21,7 @@ from explicitfe.inverse.close_loop.statistics.covariance import Covariance, stac
 from explicitfe.inverse.close_loop.statistics.refit import derivatives
 from explicitfe.inverse.close_loop.statistics.system import Candidate, Hypothesis, Parameter
 from explicitfe.inverse.measured.curve import COLUMNS, programme_of
-from explicitfe.inverse.measured.rig import RigLimits
+from explicitfe.inverse.measured.tables import RigLimits
 from explicitfe.results.documents.loop_report import NextExperiment
 
 # Causes that compete: where each answer is the run of a mesh, fewer.

@@ -10,7 +10,7 @@ import numpy as np
 from explicitfe.inverse.close_loop.specimens.lengths import with_length
 from explicitfe.inverse.close_loop.specimens.series import distance_from_rest, rest_of
 from explicitfe.inverse.measured.curve import Curve, programme_of
-from explicitfe.inverse.measured.rig import RigLimits
+from explicitfe.inverse.measured.tables import RigLimits
 from explicitfe.inverse.predict.experiment import cycle_of
 
 # Where a rig states no limits: the largest load that was reached may be exceeded by so much, and a ramp be so many times faster

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import math
 import re
 from collections.abc import Sequence
@@ -29,6 +30,16 @@ BRACKETED = re.compile(r"(?P<name>.*?)\s*[(\[{<]\s*(?P<unit>[^()\[\]{}<>]*?)\s*[
 # "Load / oz": a name and what can only be a unit. Between a name and what is a unit: "Load in N", "Load, N", "load_N", "Load N".
 _AFTER_A_SLASH = re.compile(r"(?P<name>.*?)\s+/\s*(?P<unit>\S+)")
 _BEFORE_A_UNIT = re.compile(r"\s+in\s+|\s*[/,:]\s*|_|\s+")
+
+
+def cells_of(line: str, separator: str | None) -> list[str]:
+    """The cells of a line; blanks separate where the separator is None."""
+    if '"' in line:
+        return [cell.strip() for cell in next(csv.reader([line], delimiter=separator or " ", skipinitialspace=True), [])]
+    if separator is None or not line.strip():
+        return line.split()
+    cells = line.split(separator)
+    return [cell.strip() for cell in cells] if " " in line or not line.isascii() else cells
 
 
 def is_number(cell: str) -> bool:

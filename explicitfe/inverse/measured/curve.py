@@ -11,7 +11,6 @@ from typing import Literal
 
 import numpy as np
 
-from explicitfe.inverse.measured.rig import RigLimits
 from explicitfe.inverse.measured.tables import (
     IDENTITY_CONDITIONS,
     PROGRAMME_CONDITIONS,
@@ -21,6 +20,7 @@ from explicitfe.inverse.measured.tables import (
     MeasuredSpecimen,
     MeasuredTool,
     RegistrationTable,
+    RigLimits,
     Split,
     TestKind,
 )

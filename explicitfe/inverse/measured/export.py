@@ -6,7 +6,6 @@ below their names; text between rows is skipped, with a note. A table is refused
 
 from __future__ import annotations
 
-import csv
 import re
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
@@ -17,6 +16,7 @@ import numpy as np
 from explicitfe.inverse.measured.cells import (
     BRACKETED,
     EMPTY_CELLS,
+    cells_of,
     decimal_mark,
     is_number,
     is_unit_row,
@@ -219,22 +219,13 @@ def _whole_cells(lines: list[str]) -> list[str]:
     return lines
 
 
-def _cells(line: str, separator: str | None) -> list[str]:
-    if '"' in line:
-        return [cell.strip() for cell in next(csv.reader([line], delimiter=separator or " ", skipinitialspace=True), [])]
-    if separator is None or not line.strip():
-        return line.split()
-    cells = line.split(separator)
-    return [cell.strip() for cell in cells] if " " in line or not line.isascii() else cells
-
-
 def _layout(path: Path, lines: Sequence[str]) -> _Layout:
     """The separator that gives most rows with two numbers and as many cells, and the columns of numbers."""
     best, largest = None, 0.0
     for separator in SEPARATORS:
         rows: dict[int, list[list[str]]] = {}
         for line in lines:
-            cells = _cells(line, separator)
+            cells = cells_of(line, separator)
             if separator == ",":  # Thousands are separated by blanks only where cells are not separated by commas.
                 cells = [cell.replace(" ", "_") for cell in cells]
             if sum(map(is_number, cells)) > 1:
@@ -282,7 +273,7 @@ def _table(path: Path, lines: Sequence[str], layout: _Layout) -> tuple[_RowBlock
             count = (count + 1) // 2
             continue
         number, begin = filled[begin], begin + 1
-        cells = _cells(lines[number - 1], layout.separator)
+        cells = cells_of(lines[number - 1], layout.separator)
         numbers, words = layout.count(cells)
         # Text may stand in a row below others, and in the first one below the names where most cells are numbers.
         with_text = bool(blocks and not above) or (bool(above) and numbers > words and len(cells) == layout.width)
@@ -319,7 +310,7 @@ def _columns(lines: Sequence[str], layout: _Layout) -> list[list[str]] | None:
     """The cells of each column of lines that follow a row, if all of them are rows: at once, because tables are large."""
     separator, width, text = layout.separator, layout.width, "\n".join(lines)
     if separator is None or '"' in text:
-        rows = [_cells(line, separator) for line in lines]
+        rows = [cells_of(line, separator) for line in lines]
         flat = [cell for cells in rows for cell in cells] if all(len(cells) == width for cells in rows) else []
     else:
         same = all(line.count(separator) == width - 1 for line in lines)
@@ -368,7 +359,7 @@ def _names(path: Path, lines: Sequence[str], begin: int, layout: _Layout) -> tup
     units = next((row for row in above if is_unit_row(row[1])), None)
     names = next((row for row in above if row is not units), None)
     if names is None and begin and layout.separator == ",":
-        cells = _cells(lines[begin - 1], ",")
+        cells = cells_of(lines[begin - 1], ",")
         if width == 2 * len(cells) and not any(map(is_number, cells)):
             raise InputError(
                 f"{path}, line {begin}: there are {len(cells)} names, but {width} cells in a row; commas are both separators and "
@@ -387,7 +378,7 @@ def _names(path: Path, lines: Sequence[str], begin: int, layout: _Layout) -> tup
 def _names_in(line: str, layout: _Layout) -> list[str] | None:
     """The cells of a line above the rows, one per column; None if it has others, or numbers."""
     plain = _COMMENT.sub("", line)
-    readings = [_cells(line, layout.separator), _cells(plain, layout.separator)]
+    readings = [cells_of(line, layout.separator), cells_of(plain, layout.separator)]
     if layout.separator is None:
         readings += [_NAMES_AND_BRACKETS.findall(plain), re.split(r"\s{2,}|\t", plain.strip())]
     for cells in readings:

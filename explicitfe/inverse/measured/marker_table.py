@@ -7,7 +7,6 @@ DeepLabCut; that of NDI WaveFront is known from readers of its users.
 
 from __future__ import annotations
 
-import csv
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -15,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
+from explicitfe.inverse.measured.cells import EMPTY_CELLS, cells_of
 from explicitfe.inverse.measured.curve import TIME
 from explicitfe.inverse.measured.files import SMALLEST_CURVE_ROWS, lines_of
 from explicitfe.inverse.measured.marker_file import LARGEST_RECORDING_MIB, Markers, mm_per_unit, plain_names
@@ -28,7 +28,7 @@ LINES_THAT_SHOW_SEPARATORS = 400
 LEAST_LIKELIHOOD = 0.6
 LARGEST_DIFFERENCE_OF_RATES_SHARE = 0.02
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
-_NO_VALUE = {"", "-", "--", "nan", "n/a", "na", "null", "none", "missing", "inf", "-inf"}
+_NO_VALUE = EMPTY_CELLS | {"missing", "inf", "-inf"}
 _FRAME = re.compile(r"(frame|field)s?\W*|coords", re.IGNORECASE)
 _STATUS = re.compile(r"(.+?)[_ .:-](status|state)", re.IGNORECASE)
 _STATUS_OK = {"ok", "55", ""}  # the number of old programs of NDI
@@ -131,7 +131,7 @@ def _sheet(path: Path, text: str) -> _Sheet:
     best: tuple[tuple[int, int, int], str | None, bool] = ((0, 0, 0), None, False)
     for separator in ("\t", ";", ",", None):  # None: blanks
         for decimal_comma in (False, True):
-            shown = [_cells(line, separator) for line in lines[:LINES_THAT_SHOW_SEPARATORS]]
+            shown = [cells_of(line, separator) for line in lines[:LINES_THAT_SHOW_SEPARATORS]]
             counts = [(sum(_is_number(cell, decimal_comma) for cell in row), sum(map(_is_text, row))) for row in shown]
             tables = [(numbers, filled - numbers) for numbers, filled in counts if numbers > 1 and 2 * numbers > filled]
             numbers, texts = (sum(column) for column in zip(*tables, strict=True)) if tables else (0, 0)
@@ -139,7 +139,7 @@ def _sheet(path: Path, text: str) -> _Sheet:
             score = len(tables), -texts, numbers if separator else 0
             best = max(best, (score, separator, decimal_comma), key=lambda reading: reading[0])
     _, separator, decimal_comma = best
-    cells = [_cells(line, separator) for line in lines]
+    cells = [cells_of(line, separator) for line in lines]
     widths = [len(row) for row in cells]
     for row in cells:  # exports to spreadsheets end all lines with separators
         while len(row) > 1 and not row[-1]:
@@ -170,14 +170,6 @@ def _sheet(path: Path, text: str) -> _Sheet:
     width = max(width, len(head[-1]) if head else 0)
     padded = [cells[k] + [""] * (width - len(cells[k])) for k in rows]
     return _Sheet(path, layout, head_text, head, padded, [k + 1 for k in rows], decimal_comma)
-
-
-def _cells(line: str, separator: str | None) -> list[str]:
-    if separator is None:
-        return line.split()
-    if '"' not in line:
-        return [cell.strip() for cell in line.split(separator)]
-    return [cell.strip() for cell in next(csv.reader([line], delimiter=separator))]
 
 
 def _is_number(cell: str, decimal_comma: bool) -> bool:

@@ -10,7 +10,6 @@ import numpy as np
 from pydantic import AfterValidator, BeforeValidator, Field, field_validator, model_validator
 
 from explicitfe.fem.inputs.table import LONGEST_NAME_CHARACTERS, MOST_TABLES_OF_A_KIND, Name, Table, Title, Vector
-from explicitfe.inverse.measured.rig import RigLimits
 from explicitfe.platform.errors import nearest, shortened
 
 SpecimenTest = Literal["indentation", "compression", "tension", "equibiaxial", "planar", "shear"]
@@ -293,6 +292,21 @@ class CurveTable(Table):
             if key == "defect" and not (isinstance(value, str) and value.strip()):
                 raise ValueError("defect must describe in words what is wrong; omit the key if nothing is")
         return conditions
+
+
+class RigLimits(Table):
+    """Limits of the machine, used when further tests are proposed; defaults follow from the tests that were made on it."""
+
+    largest_force_N: float | None = Field(default=None, gt=0.0, description="of the load cell [N]")
+    largest_displacement_mm: float | None = Field(default=None, gt=0.0, description="of the tool into the tissue [mm]")
+    largest_strain: float | None = Field(
+        default=None, gt=0.0, description="of a test without a tool: |stretch - 1|, or the shear"
+    )
+    shortest_ramp_s: float | None = Field(default=None, gt=0.0, description="shortest time to the largest load [s]")
+    longest_test_s: float | None = Field(default=None, gt=0.0, description="of one test [s]")
+    tool_radii_mm: list[float] = Field(default=[], description="radii of other available tools [mm]")
+    specimen_heights_mm: list[float] = Field(default=[], description="heights of other specimens that can be cut [mm]")
+    handling_min: float = Field(default=5.0, ge=0.0, description="time to set up one test, in addition to its duration [min]")
 
 
 class DatasetFile(Table):

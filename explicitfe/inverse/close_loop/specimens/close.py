@@ -38,7 +38,7 @@ from explicitfe.inverse.close_loop.statistics.time_limit import SearchLimits
 from explicitfe.inverse.close_loop.thresholds import THRESHOLDS
 from explicitfe.inverse.close_loop.verdict import Outcome, conclude, numerical_errors, numerical_shares
 from explicitfe.inverse.measured.curve import PRINTED_UNITS, Curve, SpecimenDataset, programme_of
-from explicitfe.inverse.measured.rig import RigLimits
+from explicitfe.inverse.measured.tables import RigLimits
 from explicitfe.platform.errors import Progress, RunError, Share, Stage
 from explicitfe.results.documents.loop_report import (
     AssumedValue,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, cast
+from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import typer
 from rich.markup import escape
@@ -43,8 +43,12 @@ def _column(quantity: str) -> typer.models.OptionInfo:
     return typer.Option(f"--{quantity}", metavar="COL[:UNIT]", help=f"Column of the {quantity.replace('-', ' ')}, and its unit.")
 
 
-def _size(words: str) -> typer.models.OptionInfo:
-    return typer.Option(metavar="MM", help=words)
+def _option(metavar: str | None, words: str, *names: str, **more: Any) -> typer.models.OptionInfo:
+    return typer.Option(*names, metavar=metavar, help=words, **more)
+
+
+def _of_trajectory(metavar: str | None, words: str, *names: str, **more: Any) -> typer.models.OptionInfo:
+    return _option(metavar, f"Trajectory: {words}", *names, **more)
 
 
 # Options of one kind of test only.
@@ -57,14 +61,12 @@ OF_SPECIMENS = ("tool", "diameter_mm", "height_mm", "size_mm", "force_sd_N", "ra
 class NewDatasetOptions:
     """Options of ``explicitfe new dataset``."""
 
-    out: Annotated[
-        Path | None, typer.Option("--out", metavar="DIR", help="Folder of the dataset.", show_default="named after the files")
-    ] = None
+    out: Annotated[Path | None, _option("DIR", "Folder of the dataset.", show_default="named after the files")] = None
     test: Annotated[
         str | None,
-        typer.Option(
-            "--test",
-            help=f"{' | '.join(TESTS)}; one for each file, separated by commas, for several homogeneous tests in one dataset.",
+        _option(
+            None,
+            f"{' | '.join(TESTS)}; one for each file, separated by commas, for several homogeneous tests in one dataset.",
             autocompletion=complete_words(TESTS),
         ),
     ] = None
@@ -75,74 +77,48 @@ class NewDatasetOptions:
     stress: Annotated[str | None, _column("stress")] = None
     shear_strain: Annotated[str | None, _column("shear-strain")] = None
     shear_stress: Annotated[str | None, _column("shear-stress")] = None
-    diameter_mm: Annotated[float | None, _size("Diameter of a cylindrical specimen.")] = None
-    height_mm: Annotated[float | None, _size("Height of the cylinder, along the load.")] = None
-    size_mm: Annotated[
-        str | None, typer.Option(metavar="X,Y,Z", help="Dimensions of a block; the last one is along the load.")
-    ] = None
-    base: Annotated[str, typer.Option(help=f"Support of the specimen: {' | '.join(BASES)}")] = "unknown"
-    tool: Annotated[str | None, typer.Option("--tool", help=" | ".join(TOOLS), autocompletion=complete_words(TOOLS))] = None
-    tool_diameter_mm: Annotated[float | None, _size("Diameter of the tool.")] = None
-    control: Annotated[str, typer.Option(help=f"Quantity that the machine imposed: {' | '.join(CONTROLS)}")] = "displacement"
-    friction: Annotated[str, typer.Option(help="Friction coefficient of the tool, or stick | unknown")] = "unknown"
-    length_mm: Annotated[float | None, _size("Free length of a strip between clamps.")] = None
-    area_mm2: Annotated[float | None, typer.Option(metavar="MM2", help="Cross-section of the strip.")] = None
-    rate: Annotated[
-        float | None,
-        typer.Option("--rate", metavar="PER_S", help="Loading rate in mm/s or N/s, if there is no time column."),
-    ] = None
+    diameter_mm: Annotated[float | None, _option("MM", "Diameter of a cylindrical specimen.")] = None
+    height_mm: Annotated[float | None, _option("MM", "Height of the cylinder, along the load.")] = None
+    size_mm: Annotated[str | None, _option("X,Y,Z", "Dimensions of a block; the last one is along the load.")] = None
+    base: Annotated[str, _option(None, f"Support of the specimen: {' | '.join(BASES)}")] = "unknown"
+    tool: Annotated[str | None, _option(None, " | ".join(TOOLS), autocompletion=complete_words(TOOLS))] = None
+    tool_diameter_mm: Annotated[float | None, _option("MM", "Diameter of the tool.")] = None
+    control: Annotated[str, _option(None, f"Quantity that the machine imposed: {' | '.join(CONTROLS)}")] = "displacement"
+    friction: Annotated[str, _option(None, "Friction coefficient of the tool, or stick | unknown")] = "unknown"
+    length_mm: Annotated[float | None, _option("MM", "Free length of a strip between clamps.")] = None
+    area_mm2: Annotated[float | None, _option("MM2", "Cross-section of the strip.")] = None
+    rate: Annotated[float | None, _option("PER_S", "Loading rate in mm/s or N/s, if there is no time column.")] = None
     force_sd_N: Annotated[
         float | None,
-        typer.Option("--force-sd-N", metavar="N", help="Standard deviation of the force noise.", show_default="estimated"),
+        _option("N", "Standard deviation of the force noise.", "--force-sd-N", show_default="estimated"),
     ] = None
     contact_force_N: Annotated[
-        float | None,
-        typer.Option("--contact-force-N", metavar="N", help="Omit the rows before the force first reaches this value."),
+        float | None, _option("N", "Omit the rows before the force first reaches this value.", "--contact-force-N")
     ] = None
     one_specimen: Annotated[
         bool | None,
-        typer.Option(
-            "--one-specimen/--a-specimen-each", help="All files come from one specimen or speaker, or each from another."
-        ),
+        _option(None, "All files come from one specimen or speaker, or each from another.", "--one-specimen/--a-specimen-each"),
     ] = None
     mapping: Annotated[
         list[str] | None,
-        typer.Option(
+        _of_trajectory(
+            "POINT=SENSOR",
+            "map a point of the scenario, or the position X,Y,Z in mm of a marker, to a sensor; repeat.",
             "--map",
-            metavar="POINT=SENSOR",
-            help="Trajectory: map a point of the scenario, or the position X,Y,Z in mm of a marker, to a sensor; repeat.",
         ),
     ] = None
-    fixed: Annotated[
-        list[str] | None,
-        typer.Option("--fixed", metavar="SENSOR", help="Trajectory: a marker that sits on what does not move; repeat."),
-    ] = None
+    fixed: Annotated[list[str] | None, _of_trajectory("SENSOR", "a marker that sits on what does not move; repeat.")] = None
     scenario: Annotated[
-        Path | None,
-        typer.Option(
-            "--scenario", metavar="SCENARIO", help="Trajectory: scenario to compare with.", autocompletion=complete_scenario
-        ),
+        Path | None, _of_trajectory("SCENARIO", "scenario to compare with.", autocompletion=complete_scenario)
     ] = None
-    unit: Annotated[
-        str | None, typer.Option("--unit", help="Trajectory: unit of columns that name none, or in place of that in the file.")
-    ] = None
-    rate_hz: Annotated[
-        float | None, typer.Option("--rate-hz", metavar="HZ", help="Trajectory: sampling rate, if there is no time column.")
-    ] = None
-    axes: Annotated[
-        str | None,
-        typer.Option("--axes", metavar="X,Y,Z", help="Trajectory: directions of x, y and z, such as front,left,up."),
-    ] = None
-    noise_mm: Annotated[
-        float | None, typer.Option("--noise-mm", metavar="MM", help="Trajectory: standard deviation of a coordinate.")
-    ] = None
-    interval_s: Annotated[
-        str | None,
-        typer.Option("--interval-s", metavar="START:END", help="Trajectory: rows to use; START is time 0 of the scenario."),
-    ] = None
-    title: Annotated[str | None, typer.Option("--title", help="Title in tables and pictures.")] = None
-    source: Annotated[str, typer.Option("--source", help="Who measured the data, and where they are published.")] = ""
-    license_: Annotated[str, typer.Option("--license", help="License of the data.")] = ""
+    unit: Annotated[str | None, _of_trajectory(None, "unit of columns that name none, or in place of that in the file.")] = None
+    rate_hz: Annotated[float | None, _of_trajectory("HZ", "sampling rate, if there is no time column.")] = None
+    axes: Annotated[str | None, _of_trajectory("X,Y,Z", "directions of x, y and z, such as front,left,up.")] = None
+    noise_mm: Annotated[float | None, _of_trajectory("MM", "standard deviation of a coordinate.")] = None
+    interval_s: Annotated[str | None, _of_trajectory("START:END", "rows to use; START is time 0 of the scenario.")] = None
+    title: Annotated[str | None, _option(None, "Title in tables and pictures.")] = None
+    source: Annotated[str, _option(None, "Who measured the data, and where they are published.")] = ""
+    license_: Annotated[str, _option(None, "License of the data.", "--license")] = ""
     as_json: JsonOption = False
 
 

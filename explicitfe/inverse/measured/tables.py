@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal, TypeGuard
 import numpy as np
 from pydantic import AfterValidator, BeforeValidator, Field, field_validator, model_validator
 
-from explicitfe.fem.inputs.table import LONGEST_NAME_CHARACTERS, MOST_TABLES_OF_A_KIND, Name, Table, Title, Vector
+from explicitfe.fem.inputs.table import LONGEST_NAME_CHARACTERS, MOST_TABLES_OF_A_KIND, Name, Table, Title, Vector, row_of
 from explicitfe.platform.errors import nearest, shortened
 
 SpecimenTest = Literal["indentation", "compression", "tension", "equibiaxial", "planar", "shear"]
@@ -56,12 +56,6 @@ Length = Annotated[float, _within(_LENGTH_MM, "mm")]
 Thickness = Annotated[float, _within(_THIN_MM, "mm", zero=True)]
 
 
-def _three(value: object) -> object:
-    if not isinstance(value, list | tuple) or len(value) != 3:
-        raise ValueError("must be three numbers [x, y, z]")
-    return tuple(value)
-
-
 def _friction(value: object) -> object:
     if _is_number(value) and value >= 0.0:
         return float(value)
@@ -98,7 +92,7 @@ class MeasuredSpecimen(_Described):
     shape: Literal["point", "cylinder", "block"] = Field(description="point: a homogeneous state of no known size")
     radius_mm: Length | None = Field(default=None, description="of a cylinder: half its diameter")
     height_mm: Length | None = Field(default=None, description="of a cylinder, along the load")
-    size_mm: Annotated[tuple[Length, Length, Length], BeforeValidator(_three)] | None = Field(
+    size_mm: Annotated[tuple[Length, Length, Length], row_of(3, "three numbers [x, y, z]")] | None = Field(
         default=None, description="of a block: [x, y, z], z along the load"
     )
     density_kg_m3: Annotated[float, _within(_DENSITY_KG_M3, "kg/m3")] = 1040.0

@@ -142,7 +142,7 @@ def _decreases(curves: list[Curve], drive: Callable[[Curve], Driven]) -> dict[st
         whole = whitened(columns)
         return whole - basis @ (basis.T @ whole)
 
-    residual = free([c.nominal_stress_Pa - b for c, b in zip(curves, base, strict=True)])
+    residual = free([c.columns["nominal_stress_Pa"] - b for c, b in zip(curves, base, strict=True)])
 
     def decrease(trial: Trial) -> float:
         change = free([one.answer(_law(C10_PA, C20_PA), trial.effect) - b for one, b in zip(driven, base, strict=True)])

@@ -406,11 +406,13 @@ def test_homogeneous_and_shear(tmp_path: Path) -> None:
     (tmp_path / "a").mkdir()
     curve = read_dataset(write(tmp_path / "a", compression())).curves[0]
     assert (curve.tool, curve.imposed, curve.predicted) == (None, "stretch", "nominal_stress_Pa")
-    assert curve.stretch.tolist() == [1.0, 0.9, 0.8] and curve.nominal_stress_Pa.tolist() == [0.0, -100.0, -300.0]
+    assert curve.columns["stretch"].tolist() == [1.0, 0.9, 0.8]
+    assert curve.columns["nominal_stress_Pa"].tolist() == [0.0, -100.0, -300.0]
     (tmp_path / "b").mkdir()
     curve = read_dataset(write(tmp_path / "b", shear())).curves[0]
     assert sd_of(curve, "shear_strain") == 0.002 and sd_of(curve, "shear_stress_Pa") == 1.0
-    assert curve.shear_strain.tolist() == [0.0, 0.1, -0.2] and curve.shear_stress_Pa.tolist() == [0.0, 50.0, -100.0]
+    assert curve.columns["shear_strain"].tolist() == [0.0, 0.1, -0.2]
+    assert curve.columns["shear_stress_Pa"].tolist() == [0.0, 50.0, -100.0]
 
 
 def test_trajectory(tmp_path: Path) -> None:
@@ -641,8 +643,9 @@ def test_muscle_by_direction() -> None:
     data = read_dataset(MEASURED / "muscle-compression")
     assert len(data.curves) == 12 and list(data.constants_groups()) == ["all"]
     curve = of(data, "fibre-max-0.3-rate-0.05")
-    assert (curve.stretch[0], curve.nominal_stress_Pa[0]) == (1.0, 0.0)
-    assert (curve.time_s[-1], curve.stretch[-1], curve.nominal_stress_Pa[-1]) == (301.608232, 0.7, -896.212625)
+    assert (curve.columns["stretch"][0], curve.columns["nominal_stress_Pa"][0]) == (1.0, 0.0)
+    last = (curve.time_s[-1], curve.columns["stretch"][-1], curve.columns["nominal_stress_Pa"][-1])
+    assert last == (301.608232, 0.7, -896.212625)
     by_direction = data.regrouped("direction").constants_groups()
     assert {name: len(curves) for name, curves in by_direction.items()} == {"cross-fibre": 6, "fibre": 6}
     assert data.regrouped("group").constants_groups().keys() == by_direction.keys()

@@ -159,14 +159,14 @@ def test_strain_and_stress_need_no_size(
     unit = ["--stretch", "Stretch:1"] if "Stretch" in head else []
     assert command(["new", "dataset", "a.csv", "--test", test, *unit, "--out", "b"]) == 0, capsys.readouterr().err
     (curve,) = read_dataset("b").curves
-    np.testing.assert_allclose(curve.stretch, stretch)
-    np.testing.assert_allclose(curve.nominal_stress_Pa, stress_Pa)
+    np.testing.assert_allclose(curve.columns["stretch"], stretch)
+    np.testing.assert_allclose(curve.columns["nominal_stress_Pa"], stress_Pa)
 
 
 def test_shear_and_pulling(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     in_folder(tmp_path, monkeypatch, a="t (s),Shear strain (%),Shear stress (Pa)\n0,0,0\n1,10,50\n2,20,100\n", b=PLAIN)
     assert command(["new", "dataset", "a.csv", "--test", "shear", "--out", "sheared"]) == 0
-    np.testing.assert_allclose(read_dataset("sheared").curves[0].shear_strain, [0.0, 0.1, 0.2])
+    np.testing.assert_allclose(read_dataset("sheared").curves[0].columns["shear_strain"], [0.0, 0.1, 0.2])
     pulled = ["--test", "tension", "--size-mm", "20,20,10", "--tool", "bonded-disc", "--tool-diameter-mm", "8"]
     assert command(["new", "dataset", "b.csv", *pulled, "--out", "pulled"]) == 0
     curve = read_dataset("pulled").curves[0]
@@ -178,8 +178,8 @@ def test_a_strip_between_clamps_has_stretch_and_stress(tmp_path: Path, monkeypat
     sizes = ["--tool", "clamps", "--length-mm", "10", "--area-mm2", "20"]
     assert command(["new", "dataset", "a.csv", "--test", "tension", *sizes, "--out", "b"]) == 0
     (curve,) = read_dataset("b").curves
-    np.testing.assert_allclose(curve.stretch, [1.0, 1.05, 1.1, 1.15])
-    np.testing.assert_allclose(curve.nominal_stress_Pa, [0.0, 1e4, 2.5e4, 4.5e4])
+    np.testing.assert_allclose(curve.columns["stretch"], [1.0, 1.05, 1.1, 1.15])
+    np.testing.assert_allclose(curve.columns["nominal_stress_Pa"], [0.0, 1e4, 2.5e4, 4.5e4])
 
 
 @pytest.mark.parametrize(
@@ -199,8 +199,8 @@ def test_a_reversed_sign_is_noted_only_where_it_was_reversed(
     notes = [f"the sign of the {what} is reversed: in a dataset, tension is positive." for what in reversed_signs]
     assert check_answer("new-dataset", capsys.readouterr().out)["notes"] == notes
     (curve,) = read_dataset("b").curves
-    np.testing.assert_allclose(curve.stretch, [1.0, 1.05, 1.1, 1.15])
-    np.testing.assert_allclose(curve.nominal_stress_Pa, [0.0, 1e4, 2.5e4, 4.5e4])
+    np.testing.assert_allclose(curve.columns["stretch"], [1.0, 1.05, 1.1, 1.15])
+    np.testing.assert_allclose(curve.columns["nominal_stress_Pa"], [0.0, 1e4, 2.5e4, 4.5e4])
 
 
 @pytest.mark.parametrize(

@@ -269,8 +269,8 @@ def test_strain_and_stress_are_read_right(form: str, tmp_path: Path, monkeypatch
     (tmp_path / "a.csv").write_text(HOMOGENEOUS[form], encoding="utf-8")
     assert command(["new", "dataset", "a.csv", *BAR, "--out", "b"]) == 0
     (curve,) = read_dataset("b").curves
-    np.testing.assert_allclose(curve.stretch, STRETCH, rtol=1e-5)
-    np.testing.assert_allclose(curve.nominal_stress_Pa, STRESS, rtol=1e-5, atol=0.5)
+    np.testing.assert_allclose(curve.columns["stretch"], STRETCH, rtol=1e-5)
+    np.testing.assert_allclose(curve.columns["nominal_stress_Pa"], STRESS, rtol=1e-5, atol=0.5)
 
 
 NOTED: dict[str, tuple[str, int, str]] = {

@@ -142,26 +142,6 @@ class Curve:
         """Force on the tool, positive in compression (k,) [N]."""
         return self.columns["force_N"]
 
-    @property
-    def stretch(self) -> np.ndarray:
-        """Length over length at rest (k,)."""
-        return self.columns["stretch"]
-
-    @property
-    def nominal_stress_Pa(self) -> np.ndarray:
-        """First Piola stress, tension positive (k,) [Pa]."""
-        return self.columns["nominal_stress_Pa"]
-
-    @property
-    def shear_strain(self) -> np.ndarray:
-        """Amount of simple shear (k,)."""
-        return self.columns["shear_strain"]
-
-    @property
-    def shear_stress_Pa(self) -> np.ndarray:
-        """Shear stress (k,) [Pa]."""
-        return self.columns["shear_stress_Pa"]
-
     def _driven(self) -> tuple[str, str]:
         first, second = self.columns
         return (second, first) if self.tool is not None and self.tool.control == "force" else (first, second)

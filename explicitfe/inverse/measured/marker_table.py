@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from explicitfe.inverse.measured.cells import EMPTY_CELLS, cells_of
+from explicitfe.inverse.measured.cells import EMPTY_CELLS, cells_of, numbers_of
 from explicitfe.inverse.measured.curve import TIME
 from explicitfe.inverse.measured.files import SMALLEST_CURVE_ROWS, lines_of
 from explicitfe.inverse.measured.marker_file import LARGEST_RECORDING_MIB, Markers, mm_per_unit, plain_names
@@ -65,16 +65,14 @@ class _Sheet:
 
     def values(self, column: MarkerColumn) -> np.ndarray:
         """Numbers of a column; nan where a cell is empty."""
-        values = np.full(len(self.rows), np.nan)
-        for k, row in enumerate(self.rows):
-            cell = row[column.number].replace(",", ".") if self.decimal_comma else row[column.number]
-            if _NUMBER.fullmatch(cell):
-                values[k] = float(cell)
-            elif cell.lower() not in _NO_VALUE:
-                raise InputError(
-                    f'{self.path}, line {self.lines[k]}: "{shortened(cell)}" in the column "{column.words}" is no number; '
-                    f"leave the cell empty where a value is missing."
-                )
+        cells = ["" if _is_missing(row[column.number]) else row[column.number] for row in self.rows]
+        points = [cell.replace(",", ".") for cell in cells] if self.decimal_comma else cells
+        values, texts, _ = numbers_of(points, ".")
+        for k in texts:
+            raise InputError(
+                f'{self.path}, line {self.lines[k]}: "{shortened(cells[k])}" in the column "{column.words}" is no number; '
+                f"leave the cell empty where a value is missing."
+            )
         return values
 
 
@@ -132,7 +130,7 @@ def _sheet(path: Path, text: str) -> _Sheet:
     for separator in ("\t", ";", ",", None):  # None: blanks
         for decimal_comma in (False, True):
             shown = [cells_of(line, separator) for line in lines[:LINES_THAT_SHOW_SEPARATORS]]
-            counts = [(sum(_is_number(cell, decimal_comma) for cell in row), sum(map(_is_text, row))) for row in shown]
+            counts = _counts(shown, decimal_comma)
             tables = [(numbers, filled - numbers) for numbers, filled in counts if numbers > 1 and 2 * numbers > filled]
             numbers, texts = (sum(column) for column in zip(*tables, strict=True)) if tables else (0, 0)
             # Blanks may also separate words in a cell.
@@ -144,7 +142,7 @@ def _sheet(path: Path, text: str) -> _Sheet:
     for row in cells:  # exports to spreadsheets end all lines with separators
         while len(row) > 1 and not row[-1]:
             row.pop()
-    counts = [(sum(_is_number(cell, decimal_comma) for cell in row), sum(map(_is_text, row))) for row in cells]
+    counts = _counts(cells, decimal_comma)
     filled = [k for k, row in enumerate(cells) if any(row)]
     full = [2 * counts[k][0] > counts[k][1] for k in filled]  # two such rows follow the first row of the table
     begin = next((k for n, k in enumerate(filled[:-2]) if counts[k][0] > 1 and all(full[n : n + 3])), None)
@@ -172,13 +170,14 @@ def _sheet(path: Path, text: str) -> _Sheet:
     return _Sheet(path, layout, head_text, head, padded, [k + 1 for k in rows], decimal_comma)
 
 
-def _is_number(cell: str, decimal_comma: bool) -> bool:
-    return _NUMBER.fullmatch(cell.replace(",", ".") if decimal_comma else cell) is not None
+def _counts(rows: Sequence[Sequence[str]], decimal_comma: bool) -> list[tuple[int, int]]:
+    """Numbers of cells of each row with a number, and with anything."""
+    commas = [[cell.replace(",", ".") for cell in row] for row in rows] if decimal_comma else rows
+    return [(sum(_NUMBER.fullmatch(cell) is not None for cell in row), len(row) - sum(map(_is_missing, row))) for row in commas]
 
 
-def _is_text(cell: str) -> bool:
-    """Whether a cell is filled, be it by a number."""
-    return cell.lower() not in _NO_VALUE
+def _is_missing(cell: str) -> bool:
+    return cell.lower() in _NO_VALUE
 
 
 def _sensors(sheet: _Sheet, columns: Sequence[MarkerColumn]) -> dict[str, dict[str, MarkerColumn]]:

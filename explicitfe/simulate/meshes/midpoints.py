@@ -13,6 +13,7 @@ from itertools import combinations
 import numpy as np
 
 from explicitfe.platform.errors import InputError
+from explicitfe.simulate.meshes.content import SOLID_EDGES
 
 # Of each corner its three neighbours, such that the edges to them form a right-handed system.
 _NEIGHBOURS = {
@@ -82,37 +83,31 @@ def hexahedra(points: np.ndarray, cells: np.ndarray, middles: np.ndarray) -> Hex
     cells = _right_handed(points, cells, size)
     if (size == 8).all() and not len(middles):
         return Hexahedra(points, cells, np.arange(len(cells)))
-    edges, faces, corners = [], [], []
-    for count in map(int, np.unique(size)):
-        of = np.flatnonzero(size == count)
-        nodes = cells[of]
-        for place in _FACES_OF[count]:
-            faces.append(np.column_stack([np.sort(nodes[:, place], axis=1)[:, ::-1], np.full((len(of), 4 - len(place)), -1)]))
-        for corner, near in enumerate(_NEIGHBOURS[count]):
-            edges += [np.sort(nodes[:, [corner, other]], axis=1) for other in near]
-            corners.append((of, count, corner, near))
-    edge, edge_of = _unique(np.concatenate(edges))
-    face, face_of = _unique(np.concatenate(faces))
+    kinds = [(count, np.flatnonzero(size == count)) for count in map(int, np.unique(size))]
+    ends = [cells[of][:, SOLID_EDGES[count]].reshape(-1, 2) for count, of in kinds]
+    edge, _ = _unique(np.sort(np.concatenate(ends), axis=1))
+    sides = {
+        (count, frozenset(place)): np.pad(
+            np.sort(cells[of][:, place], axis=1)[:, ::-1], ((0, 0), (0, 4 - len(place))), constant_values=-1
+        )
+        for count, of in kinds
+        for place in _FACES_OF[count]
+    }
+    face, face_of = _unique(np.concatenate([*sides.values()]))
     outside = np.bincount(face_of, minlength=len(face)) == 1
     _check_faces(face[outside], size)
 
     between, bends = _edge_nodes(points, edge, middles)
     first_face = len(points) + len(edge)
     first_cell = first_face + len(face)
-    edge_rows, face_rows = iter(np.split(edge_of, np.cumsum([len(e) for e in edges])[:-1])), {}
-    row = 0
-    for count in map(int, np.unique(size)):
-        for place in _FACES_OF[count]:
-            of_count = int((size == count).sum())
-            face_rows[count, frozenset(place)] = face_of[row : row + of_count] + first_face
-            row += of_count
+    face_at = dict(zip(sides, np.split(first_face + face_of, np.cumsum([*map(len, sides.values())])[:-1]), strict=True))
     hexes, of_cell = [], []
-    for of, count, corner, near in corners:
-        a, b, c = near
-        to_a, to_b, to_c = (between[next(edge_rows)] for _ in range(3))
+    for (count, of), corner in ((kind, corner) for kind in kinds for corner in range(kind[0])):
+        a, b, c = _NEIGHBOURS[count][corner]
+        to_a, to_b, to_c = (between[_edge_of(edge, cells[of][:, [corner, other]])] for other in (a, b, c))
 
         def across(one: int, other: int, count: int = count, corner: int = corner) -> np.ndarray:
-            return next(at for (of_count, place), at in face_rows.items() if of_count == count and {corner, one, other} <= place)
+            return next(at for (kind, place), at in face_at.items() if kind == count and {corner, one, other} <= place)
 
         hexes.append(
             np.column_stack([cells[of, corner], to_a, across(a, b), to_b, to_c, across(a, c), first_cell + of, across(b, c)])
@@ -121,8 +116,8 @@ def hexahedra(points: np.ndarray, cells: np.ndarray, middles: np.ndarray) -> Hex
     order = np.argsort(np.concatenate(of_cell), kind="stable")
     on_surface = np.zeros(len(points) + 1, dtype=bool)
     on_surface[face[outside]] = True
-    sides = np.concatenate([face[outside][:, [i, j]] for i, j in combinations(range(4), 2)])
-    edge_outside = np.isin(_key(edge), _key(np.sort(sides, axis=1)))
+    pairs = np.concatenate([face[outside][:, [i, j]] for i, j in combinations(range(4), 2)])
+    edge_outside = np.isin(_key(edge), _key(np.sort(pairs, axis=1)))
     parents = [edge, face, cells]
     places = [_middle(points, of) for of in parents]
     # Centres of faces and volumes by the shape functions of second order, those of a wedge nearly.

@@ -60,7 +60,7 @@ class Strip:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Description:
+class DatasetDescription:
     """Properties of any dataset that its files do not state."""
 
     title: str
@@ -70,7 +70,7 @@ class Description:
 
 
 @dataclass(frozen=True, kw_only=True)
-class TestDescription(Description):
+class TestDescription(DatasetDescription):
     """Properties of a test that its tables do not state.
 
     Attributes
@@ -176,7 +176,7 @@ class CurveToWrite(NamedTuple):
 
 def write_folder(
     out: Path,
-    described: Description,
+    described: DatasetDescription,
     tables: Sequence[str],
     curves: Sequence[CurveToWrite],
     *,

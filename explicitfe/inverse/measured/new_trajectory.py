@@ -12,7 +12,14 @@ import numpy as np
 
 from explicitfe.inverse.measured.coils import Coils
 from explicitfe.inverse.measured.curve import TIME
-from explicitfe.inverse.measured.new_dataset import CurveToWrite, Description, NewDataset, check_free, thinned, write_folder
+from explicitfe.inverse.measured.new_dataset import (
+    CurveToWrite,
+    DatasetDescription,
+    NewDataset,
+    check_free,
+    thinned,
+    write_folder,
+)
 from explicitfe.inverse.measured.registration import check_directions, determine_a_rotation, procrustes, turns_over
 from explicitfe.inverse.measured.tables import RegistrationTable, TestKind
 from explicitfe.platform.errors import InputError, nearest
@@ -27,7 +34,7 @@ _SETTINGS = "# Settings of the scenario for this curve, such as loads, written a
 
 
 @dataclass(frozen=True, kw_only=True)
-class TrajectoryDescription(Description):
+class TrajectoryDescription(DatasetDescription):
     """Properties of recordings that their tables do not state.
 
     Attributes

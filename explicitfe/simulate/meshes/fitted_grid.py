@@ -19,7 +19,7 @@ from explicitfe.fem.mesh.quality import scaled_jacobians
 from explicitfe.fem.mesh.size import check_size
 from explicitfe.fem.mesh.triangles import triangle_samples
 from explicitfe.platform.errors import InputError
-from explicitfe.simulate.meshes.sharp_edges import Patches, patches_at, pillowed
+from explicitfe.simulate.meshes.sharp_edges import Patches, patches_at, pillow_patches
 
 _CORE_DEPTH = 0.1  # of a cube: corners of the grid's cubes lie so deep inside at least
 _FARTHEST_NODE_CUBES = 1.5  # cubes; so near to each point of the surface is a node of the mesh
@@ -64,13 +64,13 @@ def mesh_surface(surface: TriangleSurface, size_m: float) -> HexMesh:
     inner, outer = np.unique(quads, return_inverse=True)
     layer = np.concatenate([quads, len(points) + outer.reshape(quads.shape)], axis=1)  # FACES are seen from outside
     points = np.concatenate([points, points[inner]])
-    mesh = _fitted(points, hexes, layer, Patches(surface, size_m), surface, size_m)
+    mesh = _fit_layer(points, hexes, layer, Patches(surface, size_m), surface, size_m)
     if scaled_jacobians(mesh.points, mesh.hexes).min() < _WORST_QUALITY:  # such as where four edges meet
-        mesh = _fitted(points, hexes, layer, Patches(surface, size_m, sharpest=-np.inf), surface, size_m)
+        mesh = _fit_layer(points, hexes, layer, Patches(surface, size_m, sharpest=-np.inf), surface, size_m)
     return mesh
 
 
-def _fitted(
+def _fit_layer(
     points: np.ndarray, hexes: np.ndarray, layer: np.ndarray, patches: Patches, surface: TriangleSurface, size_m: float
 ) -> HexMesh:
     """The hexahedra (m, 8) of the grid with a layer (f, 8) around them that reaches to the patches of the surface."""
@@ -78,7 +78,7 @@ def _fitted(
     label = patches.labels(quads, points)
     around = patches_at(layer[:, 4:], label)
     points[list(around)] = patches.places(list(around.values()), points[list(around)])[0]
-    points, layer, label, sheets = pillowed(points, layer, label)
+    points, layer, label, sheets = pillow_patches(points, layer, label)
     around = patches_at(layer[:, 4:], label)
     faces = points[layer[:, 4:]]
     sides = 0.5 * (faces + np.roll(faces, 1, axis=1))

@@ -25,7 +25,7 @@ _TYPES = {
     17: ("hexahedron20", 20, 3), 18: ("wedge15", 15, 3), 19: ("pyramid13", 13, 3),
 }  # fmt: skip
 # Where Gmsh puts the nodes at the middles of edges, in the order of SOLID_EDGES, by the number of corners.
-_MIDDLES = {
+_MIDDLES_OF_GMSH = {
     4: (4, 5, 6, 7, 9, 8), 6: (6, 9, 7, 12, 14, 13, 8, 10, 11), 8: (8, 11, 13, 9, 16, 18, 19, 17, 10, 12, 14, 15),
 }  # fmt: skip
 _BINARY = {"i": "<i4", "u": "<u8", "d": "<f8"}
@@ -104,7 +104,7 @@ def read_gmsh(path: str) -> FileMesh:
     for cell, (kind, nodes) in enumerate(mesh.cells):
         count = SOLIDS.get(kind, len(nodes))
         if len(nodes) > count:
-            mesh.cells[cell] = kind, nodes[:count] + [nodes[at] for at in _MIDDLES[count]]
+            mesh.cells[cell] = kind, nodes[:count] + [nodes[at] for at in _MIDDLES_OF_GMSH[count]]
     for (dimension, tag), cells in groups.items():
         name = names.get((dimension, tag), str(tag))
         alone = (dimension, tag) in names and dimensions_of[name] == 1

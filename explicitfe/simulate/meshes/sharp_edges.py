@@ -18,8 +18,8 @@ from explicitfe.fem.mesh.triangles import triangle_samples
 
 SHARP_COSINE = float(np.cos(np.radians(40.0)))  # between the normals of two triangles
 _SAMPLES_PER_EDGE = 4  # along an edge of an element
-_DIFFERENCE = 0.3  # cost of a neighbour of another patch, where a distance of one element costs 1
-_ROUNDS = 10
+_NEIGHBOUR_COST = 0.3  # cost of a neighbour of another patch, where a distance of one element costs 1
+_LABEL_ROUNDS = 10
 
 
 class Patches:
@@ -72,11 +72,11 @@ class Patches:
             cost[:, k] = distance / self._size + 1.0 - np.einsum("fi,fi->f", normal, self._normal[self._owner[k][at]])
         label = cost.argmin(axis=1)
         across = neighbours(quads)
-        for _ in range(_ROUNDS):
+        for _ in range(_LABEL_ROUNDS):
             before = label.copy()
             for face in np.flatnonzero((label[across] != label[:, None]).any(axis=1)):
                 same = np.bincount(label[across[face]], minlength=self.count)
-                label[face] = np.argmin(cost[face] - _DIFFERENCE * same)
+                label[face] = np.argmin(cost[face] - _NEIGHBOUR_COST * same)
             if np.array_equal(before, label):
                 break
         return label
@@ -153,7 +153,9 @@ def patches_at(quads: np.ndarray, label: np.ndarray) -> dict[int, frozenset[int]
     return {node: frozenset(of) for node, of in around.items()}
 
 
-def pillowed(points: np.ndarray, layer: np.ndarray, label: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+def pillow_patches(
+    points: np.ndarray, layer: np.ndarray, label: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Insert a sheet around each patch of which a face has two neighbouring sides on an edge between two patches.
 
     Parameters

@@ -34,7 +34,7 @@ from explicitfe.inverse.close_loop.proposals import ProposedCurve, proposals, ro
 from explicitfe.inverse.close_loop.specimens.series import rest_of
 from explicitfe.inverse.measured.curve import Curve, programme_of
 from explicitfe.inverse.measured.read import read_dataset
-from explicitfe.inverse.measured.rig import RigLimits
+from explicitfe.inverse.measured.tables import RigLimits
 from explicitfe.results.documents.loop_report import LoopReport
 from studies.blind.again import distance_with, measure_again
 from studies.blind.identifiable import SMALLEST_IDENTIFIABLE_DISTANCE

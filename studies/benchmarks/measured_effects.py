@@ -69,7 +69,7 @@ def muscle(dataset: Path, picture: Path | None) -> None:
     curves = {c.id: c for c in read_dataset(dataset).regrouped("direction").curves}
     one = lambda c, model: predict_test([c], model)[0].values  # noqa: E731
     every = lambda cs, model: [one(c, model) for c in cs]  # noqa: E731
-    error = lambda name, model: share(curves[name].nominal_stress_Pa, one(curves[name], model))  # noqa: E731
+    error = lambda name, model: share(curves[name].columns["nominal_stress_Pa"], one(curves[name], model))  # noqa: E731
     directions = ("fibre", "cross-fibre")
     held = {d: f"{d}-max-0.3-rate-0.05" for d in directions}
     print("| law | fitted to | fitted curves (0.005, 0.01 /s) | held out 0.05 /s | held out, strain 0.1 | 0.2 | at a bound |")
@@ -108,7 +108,9 @@ def muscle(dataset: Path, picture: Path | None) -> None:
             ("one law for both directions: + fibres", fits[directions, True, 2], {"color": RED, "ls": "--"}),
         )
         for axes, until in zip(column, (12.0, None), strict=True):
-            axes.plot(curve.time_s, -1e-3 * curve.nominal_stress_Pa, "o", ms=3.5, color="black", label="measured (held out)")
+            axes.plot(
+                curve.time_s, -1e-3 * curve.columns["nominal_stress_Pa"], "o", ms=3.5, color="black", label="measured (held out)"
+            )
             for label, fit, style in laws:
                 off = error(curve.id, fit.model)
                 axes.plot(order, -1e-3 * one(smooth, fit.model), lw=1.6, label=f"{label} ({off:.1f} %)", **style)

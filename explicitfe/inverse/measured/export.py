@@ -6,6 +6,7 @@ below their names; text between rows is skipped, with a note. A table is refused
 
 from __future__ import annotations
 
+import csv
 import re
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
@@ -310,8 +311,12 @@ def _columns(lines: Sequence[str], layout: _Layout) -> list[list[str]] | None:
     """The cells of each column of lines that follow a row, if all of them are rows: at once, because tables are large."""
     separator, width, text = layout.separator, layout.width, "\n".join(lines)
     if separator is None or '"' in text:
-        rows = [cells_of(line, separator) for line in lines]
-        flat = [cell for cells in rows for cell in cells] if all(len(cells) == width for cells in rows) else []
+        quoted = '"' in text
+        rows = (
+            list(csv.reader(lines, delimiter=separator or " ", skipinitialspace=True)) if quoted else list(map(str.split, lines))
+        )
+        same = len(rows) == len(lines) and all(len(cells) == width for cells in rows)
+        flat = [cell.strip() for cells in rows for cell in cells] if same else []
     else:
         same = all(line.count(separator) == width - 1 for line in lines)
         flat = text.replace("\n", separator).split(separator) if same else []

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import time
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -14,6 +15,8 @@ import pytest
 from explicitfe.platform.compiled import pieces
 from explicitfe.platform.compiled.jit import bind
 from explicitfe.platform.compiled.pieces import address_of, call_at, compile_pieces
+from explicitfe.platform.host import stopping
+from explicitfe.platform.host.compilation import announcing
 
 
 class Pair(NamedTuple):
@@ -49,24 +52,31 @@ def piece(pair: Pair) -> pieces.Piece:
 
 
 @pytest.mark.parametrize("cores", [1, 2])
-def test_a_function_is_called_by_its_address(cores: int, stored: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """With one core it is compiled here, with two either function by another process, whose machine code is loaded."""
+def test_a_function_is_called_by_its_address(cores: int, stored: None, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Child processes compile the functions, and this process loads their machine code."""
     monkeypatch.setattr(pieces, "cores", lambda: cores)
-    here, compile_one = os.getpid(), numba.core.dispatcher.Dispatcher.compile
-
-    def compiles_second(dispatcher: Any, signature: Any) -> Any:
-        while cores == 2 and os.getpid() == here and not list(tmp_path.rglob("*.nbc")):
-            time.sleep(0.001)
-        return compile_one(dispatcher, signature)
-
-    monkeypatch.setattr(numba.core.dispatcher.Dispatcher, "compile", compiles_second)
     pair = Pair(np.array([1.0, 2.0, 3.0]), 2.0)
     apart = piece(pair)
     caller = bind(scale_twice)
     compile_pieces([(caller, (numba.int64, numba.typeof(pair), numba.int64)), apart])
-    assert (sum(apart[0].stats.cache_hits.values()) + sum(caller.stats.cache_hits.values()) > 0) == (cores == 2)
+    assert sum(apart[0].stats.cache_hits.values()) == sum(caller.stats.cache_hits.values()) == 1
     assert caller(address_of(apart), pair, 0) == (4.0 + 6.0) + (2.0 + 8.0 + 12.0)
     np.testing.assert_array_equal(pair.values, [2.0, 8.0, 12.0])
+
+
+@pytest.mark.usefixtures("stored")
+def test_a_signal_ends_the_compilation(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A signal that is noted while child processes compile ends them, and the work at once."""
+    here = os.getpid()
+    monkeypatch.setattr(pieces, "cores", lambda: 2)
+    monkeypatch.setattr(
+        numba.core.dispatcher.Dispatcher, "compile", lambda *args: time.sleep(60.0 if os.getpid() != here else 0.0)
+    )
+    pair = Pair(np.array([1.0]), 2.0)
+    with stopping.watching(), announcing("tests", lambda: os.kill(here, signal.SIGTERM)), pytest.raises(stopping.Stopped):
+        compile_pieces([piece(pair)])
+    with pytest.raises(ChildProcessError):
+        os.waitpid(-1, os.WNOHANG)
 
 
 @pytest.mark.usefixtures("stored")

@@ -40,12 +40,11 @@ def main() -> None:
 
 def _confirm_stop(stop_signal: signal.Signals) -> None:
     """Confirm the first signal; os.write is safe inside a signal handler."""
-    os.write(
-        STDERR_DESCRIPTOR, f"\n{stopping.described(stop_signal)}: storing all samples; press Ctrl-C again to quit now\n".encode()
-    )
+    sentence = f"\n{stopping.described(stop_signal)}: ending where all files are complete; press Ctrl-C again to quit now\n"
+    os.write(STDERR_DESCRIPTOR, sentence.encode())
 
 
 def _quit(stop_signal: signal.Signals) -> None:
     """Exit immediately; result files are readable at any time."""
-    os.write(STDERR_DESCRIPTOR, b"quit; samples that were stored are readable\n")
+    os.write(STDERR_DESCRIPTOR, b"quit; files that were stored are readable\n")
     os._exit(stopping.exit_code(stop_signal))

@@ -95,7 +95,7 @@ class Kernels:
             state, part, looks, looker, shared, actions, samples, whole, _, ledgers = signature
             one, common, rows, number = arguments[1], arguments[4], typeof(arguments[0].u), typeof(0.0)
             lanes, sums = typeof(arguments[6].lanes[0]), typeof(arguments[6].ledger)
-            # In the order of the times to compile. A child process begins with the forces while this one compiles the course.
+            # In the order of the times to compile. One process begins with the forces while another compiles the course.
             pieces: dict[str, Piece] = {
                 "internal_force": (self.internal_force, (typeof(one.u), typeof(one.force), typeof(one.blocks))),
                 "highest_frequency": (

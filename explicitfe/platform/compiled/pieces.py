@@ -12,11 +12,12 @@ import sys
 import time
 import warnings
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 
 from llvmlite import ir
 from numba import typeof
-from numba.core import types
+from numba.core import event, types
+from numba.core.caching import NullCache
 from numba.core.compiler_lock import global_compiler_lock
 from numba.core.dispatcher import Dispatcher
 from numba.core.extending import intrinsic
@@ -27,7 +28,8 @@ __all__ = ["Piece", "address_of", "call_at", "compile_pieces", "typeof"]
 
 Piece = tuple[Dispatcher, tuple[types.Type, ...]]
 """A function and the types of its arguments."""
-LONGEST_WAIT_S = 300.0  # timeout for a child process, counted from the end of the parent's own compilation
+LONGEST_WAIT_S = 600.0  # timeout for the child processes, after which this process compiles what they have not stored
+SECONDS_BETWEEN_POLLS = 0.02
 
 
 @intrinsic
@@ -57,15 +59,22 @@ def address_of(piece: Piece) -> int:
 
 
 def compile_pieces(pieces: Sequence[Piece]) -> None:
-    """Load pieces from disk, or compile them in this process and in child processes on free cores."""
+    """Load pieces from disk, or compile them in child processes, one for each core, and load what these have stored.
+
+    This process only waits, so that a listener to Numba's event of a compilation can end the work at any time by an exception.
+    """
     with global_compiler_lock:  # another thread that asks for the same pieces waits for them
         missing = [piece for piece in pieces if not _is_loaded(*piece)]
-        others = min(cores(), len(missing)) - 1 if sys.platform == "linux" else 0
+        is_stored = not any(isinstance(dispatcher._cache, NullCache) for dispatcher, _ in missing)
+        count = min(cores(), len(missing)) if sys.platform == "linux" and is_stored else 0
         with _queue(len(missing)) as waiting:
-            processes = [_compile_in_another_process(missing, waiting) for _ in range(others)]
-            _compile_next(missing, waiting)
-        for process in processes:
-            _await(process)
+            processes = [_compile_in_another_process(missing, waiting) for _ in range(count)]
+            try:
+                _await(processes)
+            finally:
+                for process in processes:  # those that have not ended
+                    os.kill(process, signal.SIGKILL)
+                    _is_running(process, options=0)
         for dispatcher, signature in missing:
             dispatcher.compile(signature)  # loads what another process has stored
 
@@ -82,13 +91,6 @@ def _queue(length: int) -> Iterator[int]:
         os.close(reader)
 
 
-def _compile_next(pieces: Sequence[Piece], waiting: int) -> None:
-    """Compile pieces until the queue is empty."""
-    while number := os.read(waiting, 1):
-        dispatcher, signature = pieces[number[0]]
-        dispatcher.compile(signature)
-
-
 def _is_loaded(dispatcher: Dispatcher, signature: tuple[types.Type, ...]) -> bool:
     """Whether a function is compiled in this process, or now loaded from disk."""
     if signature not in dispatcher.overloads:
@@ -103,26 +105,33 @@ def _compile_in_another_process(pieces: Sequence[Piece], waiting: int) -> int:
     """Number of a process that compiles pieces from the queue, stores them on disk and ends."""
     with warnings.catch_warnings():  # no other thread is within the compiler, where a copy would remain
         warnings.simplefilter("ignore", DeprecationWarning)  # of other threads: the new process needs none of their locks
-        process = os.fork()
+        parent, process = os.getpid(), os.fork()
     if process == 0:
         try:
-            signal.signal(signal.SIGINT, signal.SIG_DFL)
+            for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+                signal.signal(number, signal.SIG_DFL)
             nowhere = os.open(os.devnull, os.O_WRONLY)  # the parent process reports progress and errors
             for stream in (1, 2):
                 os.dup2(nowhere, stream)
-            _compile_next(pieces, waiting)
+            while os.getppid() == parent and (number := os.read(waiting, 1)):
+                dispatcher, signature = pieces[number[0]]
+                dispatcher.compile(signature)
         finally:
             os._exit(0)
     return process
 
 
-def _await(process: int) -> None:
-    """Wait until a process has ended; end it if it takes too long."""
+def _await(processes: list[int]) -> None:
+    """Wait until processes have ended, and remove them from the list; leave those that take too long."""
     end = time.monotonic() + LONGEST_WAIT_S
-    with suppress(ChildProcessError):
-        while os.waitpid(process, os.WNOHANG) == (0, 0):
-            if time.monotonic() > end:
-                os.kill(process, signal.SIGKILL)
-                os.waitpid(process, 0)
-                return
-            time.sleep(0.01)
+    while processes and time.monotonic() < end:
+        with event.trigger_event("numba:compile"):
+            time.sleep(SECONDS_BETWEEN_POLLS)
+        processes[:] = [process for process in processes if _is_running(process)]
+
+
+def _is_running(process: int, options: int = os.WNOHANG) -> bool:
+    try:
+        return os.waitpid(process, options) == (0, 0)
+    except ChildProcessError:  # the system has removed it, as this program was started to ignore its children
+        return False

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
+from explicitfe.platform.host import stopping
 from explicitfe.platform.host.code_cache import compiler_watched
 
 Report = Callable[[str], None]
@@ -41,7 +42,7 @@ def announce(what: str) -> None:
 
 @contextmanager
 def announcing(what: str, begins: Callable[[], None] = lambda: None) -> Iterator[None]:
-    """Report the first compilation in this block; loading a cached kernel is none.
+    """Report the first compilation in this block, and leave before a further one if a signal asked for it; loading is none.
 
     Parameters
     ----------
@@ -52,6 +53,7 @@ def announcing(what: str, begins: Callable[[], None] = lambda: None) -> Iterator
 
     def report() -> None:
         nonlocal is_reported
+        stopping.check()
         if not is_reported:
             is_reported = True
             announce(what)

@@ -108,8 +108,8 @@ def _compile_in_another_process(pieces: Sequence[Piece], waiting: int) -> int:
         parent, process = os.getpid(), os.fork()
     if process == 0:
         try:
-            for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-                signal.signal(number, signal.SIG_DFL)
+            for handled in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+                signal.signal(handled, signal.SIG_DFL)
             nowhere = os.open(os.devnull, os.O_WRONLY)  # the parent process reports progress and errors
             for stream in (1, 2):
                 os.dup2(nowhere, stream)

@@ -14,10 +14,10 @@ import numpy as np
 from explicitfe.fem.effects.effect import Sought
 from explicitfe.inverse.close_loop.compared import ComparedCauses
 from explicitfe.inverse.close_loop.comparison import compare
+from explicitfe.inverse.close_loop.statistics.budget import Budget
 from explicitfe.inverse.close_loop.statistics.covariance import Covariance, stack
 from explicitfe.inverse.close_loop.statistics.noise import RowNoise, Scatter
 from explicitfe.inverse.close_loop.statistics.system import Answer, Candidate, Hypothesis, Parameter, Scales, Series, candidate
-from explicitfe.inverse.close_loop.statistics.time_limit import TimeLimit
 from explicitfe.inverse.close_loop.verdict import Outcome, conclude
 
 ROWS = 40
@@ -196,9 +196,9 @@ def white(system: Linear, sd: float = 0.01) -> Covariance:
 
 
 def compared(
-    system: Linear, max_effects: int = 2, sd: float | None = None, minutes: float | None = None
+    system: Linear, max_effects: int = 2, sd: float | None = None, simulations: int | None = None
 ) -> tuple[ComparedCauses, Outcome]:
     """The comparison and its outcome; with noise of known sd if one is given, which is estimated or stated elsewhere."""
     rows = None if sd is None else white(system, sd).rows
-    comparison = compare(system, max_effects=max_effects, rows=rows, limit=TimeLimit(minutes))
+    comparison = compare(system, max_effects=max_effects, rows=rows, limit=Budget(simulations))
     return comparison, conclude(comparison)

@@ -6,6 +6,7 @@ import sys
 from dataclasses import fields, replace
 from itertools import pairwise
 from types import SimpleNamespace
+from typing import ClassVar
 
 import numpy as np
 import pytest
@@ -14,6 +15,8 @@ from scipy.stats import norm
 from synthetic import BOTH_WAYS, Linear, Planted, compared, elastic, programme, white
 
 from explicitfe.fem.effects.effect import Sought
+from explicitfe.inverse.close_loop.compared import ComparedCauses
+from explicitfe.inverse.close_loop.comparison import compare
 from explicitfe.inverse.close_loop.evidence import (
     Evidence,
     Posterior,
@@ -24,15 +27,17 @@ from explicitfe.inverse.close_loop.evidence import (
     log_prior_of_strengths,
     posterior_of,
 )
+from explicitfe.inverse.close_loop.progress import SearchProgress
 from explicitfe.inverse.close_loop.report import limit_warning
 from explicitfe.inverse.close_loop.search import Comparing
+from explicitfe.inverse.close_loop.statistics.budget import Budget, OutOfTimeError
 from explicitfe.inverse.close_loop.statistics.covariance import measured_rows
 from explicitfe.inverse.close_loop.statistics.lack_of_fit import LackOfFit
 from explicitfe.inverse.close_loop.statistics.refit import BestFit, refit
 from explicitfe.inverse.close_loop.statistics.signatures import NOISE_SDS, EstimatedFit, screen, signatures
 from explicitfe.inverse.close_loop.statistics.system import Hypothesis, Parameter, Term
-from explicitfe.inverse.close_loop.statistics.time_limit import TimeLimit
 from explicitfe.inverse.close_loop.thresholds import THRESHOLDS
+from explicitfe.platform.host import stopping
 
 TESTS, SD = 4, 0.01
 D = programme(TESTS)
@@ -145,26 +150,26 @@ def test_without_effects():
         assert outcome.verdict == verdict and [e.key for e in comparison.entries] == [()]
 
 
-def test_a_search_that_runs_out_of_time(monkeypatch):
+def test_a_search_that_ends_at_its_budget(monkeypatch):
     """Hypotheses that were not fitted keep their estimates, which are exact for a linear system, and are named."""
-    monkeypatch.setattr(TimeLimit, "reached", lambda self: self.minutes is not None)
+    monkeypatch.setattr(Budget, "reached", lambda self: self.simulations is not None)
     system = holding(3, {"bump-3": 0.1, "bump-7": 0.03})
     whole, _ = compared(system)
-    ended, outcome = compared(system, minutes=1.0)
+    ended, outcome = compared(system, simulations=1)
     assert [e.key for e in ended.entries if e.fit is not None] == [()] and ("bump-3",) in ended.left and not whole.left
     assert outcome.final.key == () and sum(ended.posterior.sets.values()) == pytest.approx(1.0)
     # Estimates come as near as the best fit, which is the baseline, and no effect is claimed on them alone.
     assert 0.1 < ended.posterior.inclusion["bump-3"] < 0.99 and outcome.verdict in ("ambiguous", "unexplained")
     (sentence,) = limit_warning(ended)
-    assert "bump-3" in sentence and "--minutes" in sentence and limit_warning(whole) == []
+    assert "bump-3" in sentence and "`simulations`" in sentence and limit_warning(whole) == []
 
 
 def fits_before_the_limit(monkeypatch, count: int) -> None:
-    """Let the limit of time be reached after so many fits."""
+    """Let the budget be spent after so many fits."""
     done: list[object] = []
     fit = Comparing._fit
     monkeypatch.setattr(Comparing, "_fit", lambda self, *given: (done.append(given), fit(self, *given)))
-    monkeypatch.setattr(TimeLimit, "reached", lambda self: self.minutes is not None and len(done) >= count)
+    monkeypatch.setattr(Budget, "reached", lambda self: self.simulations is not None and len(done) >= count)
 
 
 def test_a_hypothesis_that_the_limit_left_is_not_ruled_out(monkeypatch):
@@ -174,7 +179,7 @@ def test_a_hypothesis_that_the_limit_left_is_not_ruled_out(monkeypatch):
     system_fitted, _ = compared(system, max_effects=1)
     assert system_fitted.posterior.inclusion["movable"] > 0.01
     fits_before_the_limit(monkeypatch, 1)
-    ended, outcome = compared(system, max_effects=1, minutes=1.0)
+    ended, outcome = compared(system, max_effects=1, simulations=1)
     assert ("movable",) in ended.left and outcome.final.key == ("bump-3",)
     assert 0.01 < ended.posterior.inclusion["movable"] < 0.5
 
@@ -209,16 +214,79 @@ def test_a_cause_that_shows_beside_one_form_of_another():
     assert outcome.verdict == "effect-found" and set(outcome.effects) == {"hanging", "late"}
 
 
-def test_a_limit_leaves_fits_as_much_time_as_the_preparation(monkeypatch):
-    now = [0.0]
-    monkeypatch.setattr(sys.modules[TimeLimit.__module__], "time", SimpleNamespace(perf_counter=lambda: now[0]))
-    limit = TimeLimit(1.0, now[0])
-    now[0] = 50.0
-    limit.begin_fits()
-    for second, reached in ((70.0, False), (99.0, False), (101.0, True)):
-        now[0] = second
-        assert limit.reached() == reached
-    assert not TimeLimit().reached()
+def test_a_budget_leaves_fits_as_many_simulations_as_the_preparation():
+    budget = Budget(60)
+    for _ in range(50):
+        budget.spend()
+    budget.begin_fits()
+    assert budget.allowed == 100 and not budget.reached()
+    for _ in range(50):
+        budget.spend()
+    assert budget.reached() and not Budget().reached()
+
+
+class Timed(Linear):
+    """A system each of whose answers takes a second of a clock that is read where work can be left."""
+
+    clock: ClassVar[list[float]] = [0.0]
+
+    def answers(self, models):
+        answers = []
+        for model in models:
+            stopping.check()
+            self.clock[0] += 1.0
+            stopping.check()
+            answers.append(Linear.answers(self, [model])[0])
+        return answers
+
+
+def timed(monkeypatch, seconds: float) -> tuple[ComparedCauses, float]:
+    """A search with a limit on the time, and when it ended."""
+    Timed.clock[0] = 0.0
+    monkeypatch.setattr(sys.modules[Budget.__module__], "time", SimpleNamespace(perf_counter=lambda: Timed.clock[0]))
+    plain = holding(3, {"bump-3": 0.1, "bump-7": 0.03})
+    system = Timed(**{one.name: getattr(plain, one.name) for one in fields(plain) if one.init})
+    limit = Budget(minutes=seconds / 60.0)
+    with stopping.checking(limit.check):
+        return compare(system, max_effects=2, limit=limit), Timed.clock[0]
+
+
+def test_a_limit_on_the_time_ends_a_search_within_a_fit(monkeypatch):
+    """It ends in the midst of a fit, and the report may take a tenth of the limit; the verdict names what was not fitted."""
+    whole, all_s = timed(monkeypatch, 1e6)
+    assert whole.ended == ""
+    ends = 0
+    for seconds in np.linspace(0.05, 0.95, 10) * all_s:
+        try:
+            ended, end_s = timed(monkeypatch, seconds)
+        except OutOfTimeError:  # before the candidates were screened
+            assert Timed.clock[0] <= seconds + 1.0, seconds
+            continue
+        ends += 1
+        assert end_s <= 1.1 * seconds + 1.0 and "limit" in ended.ended
+        (sentence,) = limit_warning(ended)
+        assert "`minutes`" in sentence and "depends on the machine" in sentence
+    assert ends > 2
+
+
+def test_progress_counts_simulations_and_ends_at_one():
+    """The share never decreases and stays below 1 until the end, also where showing it checks a limit that is reached."""
+    seen: list[tuple[str, float]] = []
+
+    def show(stage: str, share: float) -> None:
+        seen.append((stage, float(share)))
+        limit.check()
+
+    limit = Budget(minutes=1e-9)
+    progress = SearchProgress(show, limit, usual_runs=3.0)
+    for share in (0.0, 0.4, 0.3, 0.95):
+        progress.step("a step", share)
+        for _ in range(20):
+            limit.spend()
+    assert max(share for _, share in seen) < 1.0
+    progress.enter("trace", 1.0)
+    shares = [share for _, share in seen]
+    assert shares == sorted(shares) and shares[-1] == 1.0 and len(set(shares)) > 40
 
 
 def test_a_hypothesis_that_cannot_be_computed_is_listed():

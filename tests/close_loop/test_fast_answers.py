@@ -9,8 +9,8 @@ from short_beam import short_beam
 
 from explicitfe.fem.effects.effect import Sought
 from explicitfe.inverse.close_loop.baseline import fitted_baseline
+from explicitfe.inverse.close_loop.statistics.budget import NO_LIMIT
 from explicitfe.inverse.close_loop.statistics.system import Scales, candidate
-from explicitfe.inverse.close_loop.statistics.time_limit import NO_LIMIT
 from explicitfe.inverse.close_loop.trajectories.emulate import emulator_near
 from explicitfe.inverse.close_loop.trajectories.emulator import Responses, Vibration, add_change, change_of, vibration_of
 from explicitfe.inverse.close_loop.trajectories.mapping import fit_by_mapping

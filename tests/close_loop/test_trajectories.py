@@ -12,11 +12,11 @@ from sensor_study import SHIFT_M, TURN, simulate_sensors
 
 from explicitfe.inverse.close_loop.comparison import compare
 from explicitfe.inverse.close_loop.split import split
+from explicitfe.inverse.close_loop.statistics.budget import Budget, SearchLimits
 from explicitfe.inverse.close_loop.statistics.covariance import Covariance
 from explicitfe.inverse.close_loop.statistics.intervals import intervals
 from explicitfe.inverse.close_loop.statistics.noise import scatter
 from explicitfe.inverse.close_loop.statistics.refit import refit
-from explicitfe.inverse.close_loop.statistics.time_limit import SearchLimits, TimeLimit
 from explicitfe.inverse.close_loop.trajectories.close import close_trajectories
 from explicitfe.inverse.close_loop.trajectories.trajectories import Trajectories, trajectory_system
 from explicitfe.inverse.close_loop.verdict import Outcome, conclude
@@ -108,7 +108,7 @@ def test_the_reported_registration_is_that_of_the_sensors(tmp_path: Path) -> Non
     dataset = simulate_sensors(tmp_path / "data", noise_mm=0.01, **QUICK)
     turn_rad, shift_mm = Rotation.from_matrix(TURN).as_rotvec(), 1e3 * SHIFT_M
     sides = split(dataset)
-    report = close_trajectories(dataset, sides, ["gravity"], SearchLimits(0, TimeLimit(), 1), silent).report
+    report = close_trajectories(dataset, sides, ["gravity"], SearchLimits(0, Budget(), 1), silent).report
     estimates = [report.baseline.parameters[name] for name in NAMES]
     intervals = np.array([estimate.ci95 for estimate in estimates])
     assert np.abs([estimate.value for estimate in estimates] - np.array([*turn_rad, *shift_mm])).max() < 0.2

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Literal
 
 from explicitfe.app.api.write_identification import SUMMARY_FILE, write_identification
 from explicitfe.app.view.page.design import design_page
@@ -146,6 +147,7 @@ def close_loop(
     constants_by: str | None = None,
     effects: Sequence[str] = (),
     max_effects: int = USUAL_MAX_EFFECTS,
+    simulations: int | Literal["usual"] | None = None,
     minutes: float | None = None,
     processes: int | None = None,
     overwrite: bool = False,
@@ -164,8 +166,11 @@ def close_loop(
         tests on several specimens show that one set cannot serve all of them.
     effects : names of those that are considered; all if left out.
     max_effects : most effects (or terms of one) that are added.
-    minutes : the search ends after this time, but fits may take as long as what precedes them; None is no limit. Hypotheses that
-        were not fitted keep their estimates, and a warning names them.
+    simulations : the search ends after so many simulations, but fits may take as many as what precedes them. "usual" is 4 000 for
+        homogeneous tests and 200 elsewhere, None is no limit. Hypotheses that were not fitted keep their estimates, and a warning
+        names them. The verdict does not depend on the machine.
+    minutes : safety limit on the time, even within a simulation; None is no limit. A search that it ends before the effects are
+        screened has the verdict "failed".
     processes : at most so many; one a core if left out.
     overwrite : replace an earlier report.
     progress : called with the stage and the share of it that is done.
@@ -186,6 +191,7 @@ def close_loop(
         constants_by=constants_by,
         effects=effects,
         max_effects=max_effects,
+        simulations=simulations,
         minutes=minutes,
         processes=processes,
         progress=progress,

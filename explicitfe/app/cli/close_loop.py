@@ -8,11 +8,11 @@ from typing import Annotated
 import typer
 
 from explicitfe.app.cli.answer import console, print_answer
+from explicitfe.app.cli.help import with_flags
 from explicitfe.app.cli.options import DatasetArgument, JsonOption
 from explicitfe.app.view.progress import following
 
-# Causes of tests under a tool are named within this time on one core; real data on a mesh may need more.
-USUAL_MINUTES = 2.5
+USUAL_MINUTES = 20.0  # a safety limit, several times what the usual number of simulations takes on one core
 
 
 def close_loop(
@@ -41,7 +41,17 @@ def close_loop(
     max_effects: Annotated[
         int, typer.Option("--max-effects", help="Largest number of effects to add; several terms of one effect count separately.")
     ] = 3,
-    minutes: Annotated[float, typer.Option("--minutes", help="Time after which the search ends.")] = USUAL_MINUTES,
+    simulations: Annotated[
+        int | None,
+        typer.Option(
+            "--simulations",
+            help="Number of simulations after which the search ends.",
+            show_default="4000 for homogeneous tests, 200 for others",
+        ),
+    ] = None,
+    minutes: Annotated[
+        float, typer.Option("--minutes", help="Safety limit on the time; a verdict that it cuts off depends on the machine.")
+    ] = USUAL_MINUTES,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace an existing report.")] = False,
     as_json: JsonOption = False,
 ) -> None:
@@ -64,6 +74,7 @@ def close_loop(
             constants_by=constants_by,
             effects=effects or (),
             max_effects=max_effects,
+            simulations="usual" if simulations is None else simulations,
             minutes=minutes,
             overwrite=overwrite,
             progress=progress,
@@ -71,7 +82,7 @@ def close_loop(
     print_answer(
         report.document,
         as_json,
-        lambda: loop_tables(report),
-        report.warnings,
-        failure=("simulation", report.message or report.sentence) if report.verdict == "failed" else None,
+        lambda: loop_tables(report.model_copy(update={"sentence": with_flags(report.sentence)})),
+        [with_flags(warning) for warning in report.warnings],
+        failure=("simulation", with_flags(report.message or report.sentence)) if report.verdict == "failed" else None,
     )

@@ -7,12 +7,12 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
+from explicitfe.inverse.close_loop.statistics.budget import Budget
 from explicitfe.inverse.close_loop.statistics.covariance import Covariance, stack
 from explicitfe.inverse.close_loop.statistics.noise import RowNoise, Scatter, row_noise, row_noise_beside, scatter
 from explicitfe.inverse.close_loop.statistics.refit import BestFit, Slopes, refit, renewed, settled
 from explicitfe.inverse.close_loop.statistics.sketch import Sketch
 from explicitfe.inverse.close_loop.statistics.system import Answering, Hypothesis, System
-from explicitfe.inverse.close_loop.statistics.time_limit import TimeLimit
 
 # Systematic errors of assumed quantities have names that begin so; the others are of the numerics and of the protocol.
 ASSUMED = "assumed "
@@ -26,7 +26,7 @@ Watch = Callable[[str, float], None]
 class FitsByMapping(Protocol):
     """A system that fits models by fast answers which the simulator corrects."""
 
-    def fit_by_mapping(self, start: Hypothesis, covariance: Covariance, limit: TimeLimit) -> BestFit | None:
+    def fit_by_mapping(self, start: Hypothesis, covariance: Covariance, limit: Budget) -> BestFit | None:
         """The fit of a model; None where an effect has no fast answers."""
 
     def beside(self, fit: BestFit) -> Answering | None:
@@ -67,7 +67,7 @@ def fitted_baseline(system: System, rows: Sequence[RowNoise] | None, watch: Watc
 
 
 def with_own_numerics(
-    system: System, covariance: Covariance, fit: BestFit, renew: Slopes | None, limit: TimeLimit
+    system: System, covariance: Covariance, fit: BestFit, renew: Slopes | None, limit: Budget
 ) -> tuple[System, Covariance, BestFit]:
     """A fit with the numerical error of its own model, which was so far that of the baseline.
 
@@ -86,7 +86,7 @@ def fit_of(
     start: Hypothesis,
     covariance: Covariance,
     renew: Slopes | None,
-    limit: TimeLimit,
+    limit: Budget,
     slopes: np.ndarray | None = None,
 ) -> BestFit:
     """The best fit of a model, by fast answers that the simulator corrects where there are some for all its effects.

@@ -5,13 +5,15 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Literal
 
 from explicitfe.fem.effects import EFFECTS
 from explicitfe.inverse.close_loop.report import LoopDocuments
 from explicitfe.inverse.close_loop.specimens.close import close_specimens
 from explicitfe.inverse.close_loop.specimens.groups import grouping_of, reported_groups
+from explicitfe.inverse.close_loop.specimens.specimens import is_homogeneous
 from explicitfe.inverse.close_loop.split import split, with_added
-from explicitfe.inverse.close_loop.statistics.time_limit import SearchLimits, TimeLimit
+from explicitfe.inverse.close_loop.statistics.budget import Budget, SearchLimits
 from explicitfe.inverse.close_loop.trajectories.close import close_trajectories
 from explicitfe.inverse.measured.curve import SpecimenDataset, TrajectoryDataset
 from explicitfe.inverse.measured.read import read_dataset
@@ -19,6 +21,8 @@ from explicitfe.platform.errors import InputError, Progress, nearest, shortened,
 
 # At most so many effects, or terms of one, are added unless the user asks otherwise: each costs about as much time as the first.
 USUAL_MAX_EFFECTS = 3
+# Simulations of homogeneous tests (True), and of bodies with a mesh: two to five minutes of one core.
+USUAL_SIMULATIONS = {True: 4000, False: 200}
 
 
 def find_causes(
@@ -29,6 +33,7 @@ def find_causes(
     constants_by: str | None = None,
     effects: Sequence[str] = (),
     max_effects: int = USUAL_MAX_EFFECTS,
+    simulations: int | Literal["usual"] | None = None,
     minutes: float | None = None,
     processes: int | None = None,
     progress: Progress = silent,
@@ -40,7 +45,11 @@ def find_causes(
         raise InputError(f"`minutes` {minutes:g}: must be larger than 0.")
     if max_effects < 0:
         raise InputError(f"`max_effects` {max_effects}: must be 0 or more.")
-    limits = SearchLimits(max_effects, TimeLimit(minutes), processes)
+    if simulations == "usual":
+        simulations = USUAL_SIMULATIONS[isinstance(data, SpecimenDataset) and all(map(is_homogeneous, data.curves))]
+    if simulations is not None and simulations < 1:
+        raise InputError(f"`simulations` {simulations}: must be 1 or more.")
+    limits = SearchLimits(max_effects, Budget(simulations, minutes), processes)
     if isinstance(data, TrajectoryDataset):
         for name, value in (("constants_by", constants_by), ("add", add)):
             if value:

@@ -79,7 +79,8 @@ class ComparedCauses:
     not_testable : effect -> why these data cannot show it.
     failed : effects of a hypothesis -> why it could not be computed.
     cause_of : effect -> cause, of all candidates.
-    left : hypotheses that could matter and were not fitted, because the limit on the time was reached.
+    left : hypotheses that could matter and were not fitted, because a limit was reached.
+    ended : which limit has ended the search, in words; "" where it was completed.
     """
 
     baseline: Entry
@@ -91,6 +92,7 @@ class ComparedCauses:
     failed: Mapping[Key, str]
     cause_of: Mapping[str, str]
     left: Sequence[Key] = ()
+    ended: str = ""
 
     @property
     def nearest(self) -> Entry:

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from explicitfe.inverse.close_loop.baseline import Watch, fitted_baseline
 from explicitfe.inverse.close_loop.compared import ComparedCauses
 from explicitfe.inverse.close_loop.search import Comparing
+from explicitfe.inverse.close_loop.statistics.budget import NO_LIMIT, Budget
 from explicitfe.inverse.close_loop.statistics.noise import RowNoise
 from explicitfe.inverse.close_loop.statistics.system import System
-from explicitfe.inverse.close_loop.statistics.time_limit import NO_LIMIT, TimeLimit
 
 
 def compare(
@@ -17,7 +17,7 @@ def compare(
     *,
     max_effects: int,
     rows: Sequence[RowNoise] | None = None,
-    limit: TimeLimit = NO_LIMIT,
+    limit: Budget = NO_LIMIT,
     watch: Watch = lambda stage, share: None,
 ) -> ComparedCauses:
     """Compare all sets of causes with the data.

@@ -20,6 +20,7 @@ from explicitfe.inverse.close_loop.compared import needed_decrease
 from explicitfe.inverse.close_loop.specimens.simulator import Simulator
 from explicitfe.inverse.close_loop.specimens.specimens import Specimens
 from explicitfe.inverse.close_loop.specimens.trials import COARSE
+from explicitfe.inverse.close_loop.statistics.budget import Budget
 from explicitfe.inverse.close_loop.statistics.covariance import Covariance, stack
 from explicitfe.inverse.close_loop.statistics.noise import SMALLEST_NOISE_SHARE, RowNoise, Scatter
 from explicitfe.inverse.close_loop.statistics.refit import BestFit, derivatives
@@ -85,7 +86,8 @@ def plan_test(path: Path | str, *, processes: int | None = None, progress: Progr
     path = protocol_file(path)
     protocol = _read(path)
     progress("design", 0.0)
-    simulator = Simulator(processes)
+    budget = Budget()
+    simulator = Simulator(processes, budget)
     try:
         system = _system(path, protocol, simulator)
         progress("design", SYSTEM_PROGRESS)
@@ -93,8 +95,8 @@ def plan_test(path: Path | str, *, processes: int | None = None, progress: Progr
         candidates = system.candidates(fit.model)
         usual = RUNS_OF_A_TEST * len(system.tests)
         left = 1.0 - SYSTEM_PROGRESS
-        simulator.watch = lambda words: progress(
-            "design", Share(SYSTEM_PROGRESS + left * float(-np.expm1(-simulator.runs / usual)), words)
+        budget.watch = lambda words: progress(
+            "design", Share(SYSTEM_PROGRESS - left * float(np.expm1(-budget.spent / usual)), words)
         )
         tested = [c for c in candidates if not c.reason]
         known = signatures(fit, covariance, tested, system.changes(fit.model, tested))
@@ -117,7 +119,7 @@ def plan_test(path: Path | str, *, processes: int | None = None, progress: Progr
         n_eff=covariance.effective,
         constants=protocol.constants.model_dump(),
         effects=sorted(effects, key=lambda effect: -effect.visible),
-        runs=simulator.runs,
+        runs=budget.spent,
     )
 
 

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
 from scipy.special import logsumexp
 
 from explicitfe.inverse.close_loop.compared import Entry, Key
+from explicitfe.inverse.close_loop.statistics.budget import OutOfTimeError
 from explicitfe.inverse.close_loop.statistics.covariance import outside
 from explicitfe.inverse.close_loop.statistics.signatures import EstimatedFit, Screening, Signature, screen
 
@@ -82,7 +84,9 @@ class Estimates:
         if (fitted.key, key) not in self._beside:
             estimate = None
             lacking = list((Counter(key) - Counter(fitted.key)).elements())
-            near = self._near(fitted)
+            near: Mapping[str, Signature] = {}
+            with suppress(OutOfTimeError):  # without signatures more is possible
+                near = self._near(fitted)
             if fitted.fit is not None and all(name in near for name in lacking):
                 residual = outside(fitted.fit.movable, fitted.fit.residual)
                 screening = screen(residual, [near[name] for name in lacking]) if lacking else NOTHING_FURTHER

@@ -102,7 +102,7 @@ def add_outcome(report: LoopReport, outcome: Outcome) -> None:
     fit, covariance = final.fit, final.covariance
     assert fit is not None and covariance is not None and comparison.baseline.fit is not None
     named = outcome.verdict in ("effect-found", "ambiguous")
-    report.verdict, report.remainder, report.cut_off = outcome.verdict, outcome.remainder, bool(comparison.left)
+    report.verdict, report.remainder, report.cut_off = outcome.verdict, outcome.remainder, bool(comparison.ended)
     report.sure = None if report.cut_off else outcome.sure
     report.effects = list(outcome.effects) if named else []
     report.nearest = list(outcome.effects) if outcome.verdict == "unexplained" else []
@@ -329,13 +329,19 @@ def _mean_error(curves: Mapping[str, CurveError], side: Side) -> MeanError | Non
 
 
 def limit_warning(comparison: ComparedCauses) -> list[str]:
-    """A sentence on the hypotheses that were not fitted because the time was up, if there are any."""
-    if not comparison.left:
+    """A sentence on the limit that has ended a search, with the hypotheses that were not fitted and their probability."""
+    if not comparison.ended:
         return []
     left = list(dict.fromkeys(comparison.left))
+    mass = sum(p for one, p in comparison.probabilities() if one.key in left and one.fit is None)
     names = ", ".join(" + ".join(key) for key in left[:MOST_NAMED])
     more = f" and {len(left) - MOST_NAMED} more" if len(left) > MOST_NAMED else ""
-    return [f"the search reached its time limit; not fitted, or not to the end: {names}{more}. Give a larger --minutes to go on."]
+    open_ones = (
+        f"not fitted, or not to the end: {names}{more}, with {100.0 * mass:.2g} % of the probability by estimates"
+        if left
+        else ("larger sets of effects were not compared")
+    )
+    return [f"{comparison.ended}; {open_ones}. Give a larger `simulations` or `minutes` to continue."]
 
 
 def bound_warnings(stage: str, fit: BestFit) -> list[str]:

@@ -13,6 +13,7 @@ import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from contextvars import ContextVar
 from types import FrameType
 
 # Ctrl-C, what batch systems and "kill" send, and a terminal that is closed; Windows knows the first two.
@@ -40,6 +41,9 @@ class _Note:
     watching: bool = False
 
 
+_further_check: ContextVar[Callable[[], None] | None] = ContextVar("further check", default=None)
+
+
 def asked() -> signal.Signals | None:
     """The signal that has asked to stop, if one has."""
     return _Note.asked
@@ -50,10 +54,23 @@ def check() -> None:
 
     Raises
     ------
-    Stopped : a signal has come.
+    Stopped : a signal has come; or what the function of :func:`checking` raises.
     """
     if _Note.asked is not None:
         raise Stopped(_Note.asked)
+    further = _further_check.get()
+    if further is not None:
+        further()
+
+
+@contextmanager
+def checking(further: Callable[[], None]) -> Iterator[None]:
+    """Call a function wherever work of this thread can be left, until the block ends. It may raise to leave there."""
+    token = _further_check.set(further)
+    try:
+        yield
+    finally:
+        _further_check.reset(token)
 
 
 def described(stop_signal: signal.Signals) -> str:

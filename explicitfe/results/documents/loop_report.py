@@ -342,7 +342,7 @@ class LoopReport(Document, ReportPart):
     posterior : cause -> its probability, the most probable first: "nothing", effects joined by " + ", or "other" for something
         that no effect does. Less than one in a thousand is left out.
     something_else : probability that something is at work that no effect does, alone or beside effects.
-    sure : probability that the verdict is right; None where there is none, as in a search that was ``cut_off`` by its time limit:
+    sure : probability that the verdict is right; None where there is none, as in a search that was ``cut_off`` by a limit:
         what was never compared could be more probable.
     credible : sets of causes in words that hold 95 % together, of an ambiguous verdict.
     ambiguous_with : causes that are undecided.

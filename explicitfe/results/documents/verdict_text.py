@@ -230,10 +230,10 @@ def _in_brackets(p: float | None) -> str:
 
 
 def _of_compared(report: LoopReport, p: float | None) -> str:
-    """A probability, and what it counts where the time limit has cut the search off: only what was fitted."""
+    """A probability, and what it counts where a limit has cut the search off: only what was fitted."""
     if not report.cut_off:
         return _in_brackets(p)
-    among = f"among the {report.fitted} of {report.compared} hypotheses that were fitted before the time limit"
+    among = f"among the {report.fitted} of {report.compared} hypotheses that were fitted before the limit"
     return f" ({among})" if p is None else f" (probability {probability(p)} {among})"
 
 

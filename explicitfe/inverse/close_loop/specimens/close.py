@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import replace
+from typing import TypeVar
 
 import numpy as np
 
@@ -13,6 +15,7 @@ from explicitfe.inverse.close_loop.comparison import compare
 from explicitfe.inverse.close_loop.discovery.report import add_discovered_law
 from explicitfe.inverse.close_loop.evidence import cost_of_term
 from explicitfe.inverse.close_loop.next_test import next_tests, survivors
+from explicitfe.inverse.close_loop.progress import USUAL_RUNS, SearchProgress
 from explicitfe.inverse.close_loop.report import (
     SIGNIFICANT_P,
     LoopDocuments,
@@ -29,17 +32,18 @@ from explicitfe.inverse.close_loop.specimens.simulator import Simulator
 from explicitfe.inverse.close_loop.specimens.specimens import CORRECTED, Specimens
 from explicitfe.inverse.close_loop.specimens.trials import COARSE
 from explicitfe.inverse.close_loop.split import Split
+from explicitfe.inverse.close_loop.statistics.budget import OutOfTimeError, SearchLimits
 from explicitfe.inverse.close_loop.statistics.covariance import Covariance
 from explicitfe.inverse.close_loop.statistics.lack_of_fit import lack_of_fit
 from explicitfe.inverse.close_loop.statistics.noise import row_noise
 from explicitfe.inverse.close_loop.statistics.refit import BestFit, refit
 from explicitfe.inverse.close_loop.statistics.system import values_by_name
-from explicitfe.inverse.close_loop.statistics.time_limit import SearchLimits
 from explicitfe.inverse.close_loop.thresholds import THRESHOLDS
 from explicitfe.inverse.close_loop.verdict import Outcome, conclude, numerical_errors, numerical_shares
 from explicitfe.inverse.measured.curve import PRINTED_UNITS, Curve, SpecimenDataset, programme_of
 from explicitfe.inverse.measured.tables import RigLimits
-from explicitfe.platform.errors import Progress, RunError, Share, Stage
+from explicitfe.platform.errors import Progress, RunError
+from explicitfe.platform.host import stopping
 from explicitfe.results.documents.loop_report import (
     AssumedValue,
     CurveError,
@@ -51,13 +55,9 @@ from explicitfe.results.documents.loop_report import (
 )
 from explicitfe.results.files import provenance
 
+Found = TypeVar("Found")
 MODEL_FILE, BASELINE_FILE = "model.toml", "baseline.toml"
-# Runs of each test in one round, usually: by their number a waiting person sees that the search goes on.
-USUAL_RUNS_OF_A_TEST = 20
-# Share of the stage "trace" in which curves that cannot be computed are left out.
-LEAVING_OUT_PROGRESS = 0.02
-# Share of the stage "predict" at which its second part begins, and share of the stage "trace" that one step may take.
-PREDICT_PROGRESS, STEP_PROGRESS_SHARE = 0.8, 0.1
+PREDICT_PROGRESS = 0.3  # share of the stage "predict" at which its second part begins
 # Fewer independent rows show only what is very strong. A held-out curve is missed if its error is so many times the worst one of
 # the fitted curves.
 FEW_DATA, MISSED_FACTOR = 10.0, 2.0
@@ -84,13 +84,13 @@ def close_specimens(
     progress: Progress,
 ) -> LoopDocuments:
     """The report, curves for its pictures, and the tissues before and after."""
-    simulator = Simulator(limits.processes)
+    simulator = Simulator(limits.processes, limits.budget)
     try:
-        loop = _SpecimenLoop(dataset, sides, simulator, constants_by, tuple(effects), limits, progress)
-        documents = loop.close()
+        with stopping.checking(limits.budget.check):
+            documents = _SpecimenLoop(dataset, sides, simulator, constants_by, tuple(effects), limits, progress).close()
     finally:
         simulator.close()
-    documents.report.provenance["runs"] = simulator.runs
+    documents.report.provenance["runs"] = limits.budget.spent
     return documents
 
 
@@ -107,76 +107,64 @@ class _SpecimenLoop:
         limits: SearchLimits,
         progress: Progress,
     ) -> None:
-        self.dataset, self.sides, self.simulator = dataset, sides, simulator
-        self.limits, self.progress = limits, progress
+        self.dataset, self.sides, self.simulator, self.limits = dataset, sides, simulator, limits
         self.system = Specimens(dataset, sides.fit, simulator, CORRECTED, constants_by, effects)
-        self._stage: tuple[Stage, float, float] = ("trace", 0.0, 0.0)
-        self._step = ""
-        self._runs_before = 0
-        self._shown_share: dict[Stage, float] = {}
-        simulator.watch = self._after_a_run
-
-    # ---- progress ----
-
-    def _enter(self, stage: Stage, share: float, until: float) -> None:
-        """Say that a stage has come to a share; runs from now on lead towards ``until``."""
-        self._stage, self._runs_before = (stage, share, until), self.simulator.runs
-        self._show(stage, share)
-
-    def _after_a_run(self, words: str) -> None:
-        """Advance the share, but not to the end: the number of runs is not known in advance."""
-        stage, share, until = self._stage
-        runs = (self.simulator.runs - self._runs_before) / (USUAL_RUNS_OF_A_TEST * len(self.system.tests))
-        self._show(stage, share + (until - share) * float(-np.expm1(-runs)), words)
-
-    def _show(self, stage: Stage, share: float, words: str = "") -> None:
-        """Show a share that never decreases, with the step and the number of the run."""
-        self._shown_share[stage] = max(self._shown_share.get(stage, 0.0), share)
-        words = ", ".join(part for part in (self._step if stage == "trace" else "", words) if part)
-        self.progress(stage, Share(self._shown_share[stage], words))
-
-    def _begin_step(self, step: str, share: float, until: float) -> None:
-        """Enter a step of the search."""
-        self._step = step
-        self._enter("trace", share, until)
+        self.progress = SearchProgress(progress, limits.budget, USUAL_RUNS * len(self.system.tests))
+        self.omitted: list[str] = []  # what was not computed, because the limit on the time was reached
 
     # ---- the loop ----
 
     def close(self) -> LoopDocuments:
         """The report, curves for its pictures, and texts of the model files."""
-        self._enter("trace", 0.0, LEAVING_OUT_PROGRESS)
         try:
+            self.progress.step("", 0.0)
             self._leave_out_what_fails()
+            limits = self.limits
             outcome = conclude(
-                compare(
-                    self.system,
-                    max_effects=self.limits.max_effects,
-                    limit=self.limits.time,
-                    watch=lambda step, share: self._begin_step(step, share, min(share + STEP_PROGRESS_SHARE, 1.0)),
-                )
+                compare(self.system, max_effects=limits.max_effects, limit=limits.budget, watch=self.progress.step)
             )
-        except RunError as error:
+        except (RunError, OutOfTimeError) as error:
             report = self._new_report()
-            add_failure(report, str(error))
+            add_failure(
+                report,
+                str(error)
+                if isinstance(error, RunError)
+                else f"{error} before the effects were screened, so that nothing can be concluded. Give a larger `minutes`.",
+            )
             return LoopDocuments(report)
-        self._enter("trace", 1.0, 1.0)
-        self._enter("predict", 0.0, PREDICT_PROGRESS)
-        before, after = outcome.comparison.baseline, outcome.final
+        self.progress.enter("predict", 0.0, PREDICT_PROGRESS)
+        comparison, before, after = outcome.comparison, outcome.comparison.baseline, outcome.final
         report = self._new_report()
         add_outcome(report, outcome)
         curves = self._add_errors(report, before, after)
-        report.sensitivity_to_assumed = {} if outcome.comparison.left else self._sensitivity(before, after)
-        self._enter("predict", PREDICT_PROGRESS, 1.0)
-        report.proposed_tests = self._proposed_tests(outcome)
+        self.progress.enter("predict", PREDICT_PROGRESS)
+        if comparison.ended and with_assumed_lengths(self.system.curves, 1.0):
+            self.omitted.append("the effect of assumed lengths")
+        elif not comparison.ended:
+            report.sensitivity_to_assumed = self._unless_late(
+                "the effect of assumed lengths", {}, self._sensitivity, before, after
+            )
+        report.proposed_tests = self._unless_late("next tests", [], self._proposed_tests, outcome)
         report.next_experiment = next(iter(report.proposed_tests), None)
-        left = limit_warning(outcome.comparison)
-        if left and with_assumed_lengths(self.system.curves, 1.0):
-            left.append("the effect of assumed lengths was not computed, because the search reached its time limit.")
-        report.warnings = [*left, *self._warnings(report, before, after)]
         files = {BASELINE_FILE: self._tissue_text(before, "baseline"), MODEL_FILE: self._tissue_text(after, outcome.verdict)}
-        files |= add_discovered_law(report, self.system, self.sides.holdout, after)
-        self._enter("predict", 1.0, 1.0)
+        held_out = self.sides.holdout
+        law: dict[str, str] = {}
+        files |= self._unless_late("a composed law", law, add_discovered_law, report, self.system, held_out, after)
+        left = limit_warning(comparison)
+        if self.omitted:
+            left.append(f"not computed, because a limit was reached: {', '.join(self.omitted)}.")
+        report.warnings = [*left, *self._warnings(report, before, after), *report.warnings]
+        self.progress.enter("trace", 1.0)
+        self.progress.enter("predict", 1.0)
         return LoopDocuments(report, curves, files=files)
+
+    def _unless_late(self, what: str, nothing: Found, find: Callable[..., Found], *arguments: object) -> Found:
+        """What is found until the limit on the time is reached, and ``nothing`` after it."""
+        try:
+            return find(*arguments)
+        except OutOfTimeError:
+            self.omitted.append(what)
+            return nothing
 
     def _leave_out_what_fails(self) -> None:
         """Leave out the curves that the simulator cannot follow, with the reason."""
@@ -217,7 +205,7 @@ class _SpecimenLoop:
         for model, entry in zip(models, (before, after), strict=True):
             errors: dict[str, CurveError] = {}
             answers.append({})
-            for curve, answer in system.at(entry.model).answers_or_reasons(entry.model, ramps=True):
+            for curve, answer in self._predictions(entry, system):
                 if isinstance(answer, str):
                     errors[curve.id] = CurveError(split=curve.split, rmse=None, nrmse=None, floor=None, message=answer)
                     continue
@@ -232,6 +220,17 @@ class _SpecimenLoop:
             model.error = errors_of_model(errors)
         first, final = answers
         return [_drawn(c, first[c.id], final[c.id], floors[c.id]) for c in every if c.id in first and c.id in final]
+
+    def _predictions(self, entry: Entry, system: Specimens) -> list[tuple[Curve, np.ndarray | str]]:
+        """Predictions of a model for all curves; after the limit on the time those of the fitted curves, which are known."""
+        try:
+            return system.at(entry.model).answers_or_reasons(entry.model, ramps=True)
+        except OutOfTimeError as error:
+            known: list[tuple[Curve, np.ndarray | str]] = []
+            if isinstance(entry.system, Specimens):
+                with suppress(OutOfTimeError):
+                    known = entry.system.answers_or_reasons(entry.model, ramps=True)
+            return [*known, *((curve, f"not predicted, because {error}") for curve in self.sides.holdout)]
 
     def _floors(self, covariance: Covariance, slopes: np.ndarray) -> dict[str, float]:
         """Curve -> rms [SI] that noise and numerics leave by themselves, of the fitted and of the held-out curves."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from concurrent.futures.process import BrokenProcessPool
 from functools import lru_cache
 from zlib import crc32
@@ -10,6 +10,7 @@ from zlib import crc32
 import numpy as np
 
 from explicitfe.fem.materials.yeoh import Yeoh
+from explicitfe.inverse.close_loop.statistics.budget import Budget
 from explicitfe.inverse.measured.curve import Curve, programme_of
 from explicitfe.inverse.predict.correction import Job, Run, kind_of
 from explicitfe.inverse.predict.predict import kernels_of_test, predict_test
@@ -46,12 +47,12 @@ class Simulator:
     Parameters
     ----------
     processes : at most so many; one a core if left out.
+    budget : counts the runs.
     """
 
-    def __init__(self, processes: int | None = None) -> None:
+    def __init__(self, processes: int | None = None, budget: Budget | None = None) -> None:
         self.processes = min(processes or cores(), cores())
-        self.runs = 0
-        self.watch: Callable[[str], object] = lambda words: None  # called after each run, with the number of the run in words
+        self.budget = budget or Budget()
         self._batch = (0, 0)  # runs that are done, and runs, of the last call of run()
         self._kept: dict[tuple[str, ...], Run] = {}
         self._asked: set[tuple[str, ...]] = set()  # test and text of each tissue that was computed or tried
@@ -59,9 +60,9 @@ class Simulator:
         self._pool: WorkerPool | None = None
 
     def close(self) -> None:
-        """End its processes."""
+        """End its processes, with what they compute."""
         if self._pool is not None:
-            self._pool.shutdown(cancel_futures=True)
+            self._pool.end()
             self._pool = None
 
     def run(self, jobs: Sequence[Job], beside: Sequence[Sequence[str]] = (), *, again: bool = False) -> list[Run]:
@@ -88,14 +89,18 @@ class Simulator:
         if self.processes > 1 and len(todo) > 1 and any(_on_a_mesh(job) for _, job in todo):
             try:
                 self._pool = self._pool or WorkerPool(self.processes)
-                for (_, job), runs in zip(todo, self._pool.map(_answer, [job for _, job in todo]), strict=True):
+                work = self._pool.map(_answer, [job for _, job in todo], timeout=self.budget.remaining_s())
+                for (_, job), runs in zip(todo, work, strict=True):
                     self._keep(job, runs)
                 todo = []
-            except BrokenProcessPool:  # a script that is read from standard input can start no process
+            except (BrokenProcessPool, TimeoutError) as error:  # a script that is read from standard input can start no process
+                if isinstance(error, TimeoutError):
+                    self.close()
                 stopping.check()
                 self._pool, self.processes = None, 1
                 todo = [entry for entry in todo if entry[0] not in self._kept]
         for _, job in todo:
+            stopping.check()
             self._keep(job, _answer(job))
         return [self._kept[key] for key in keys]
 
@@ -116,10 +121,9 @@ class Simulator:
         for text, run in zip(texts, runs, strict=True):
             if run is not None:
                 self._kept.setdefault((*map(_identity, test), text), run)
-        self.runs += 1
         done, count = self._batch
         self._batch = done + 1, count
-        self.watch(f"simulation {self.runs}" + (f", {done + 1} of {count} of this step" if count > 1 else ""))
+        self.budget.spend(f", {done + 1} of {count} of this step" if count > 1 else "")
 
 
 def same_courses(test: Sequence[Curve], other: Sequence[Curve]) -> bool:

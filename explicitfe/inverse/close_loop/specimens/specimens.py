@@ -91,7 +91,7 @@ class Specimens:
     @cached_property
     def homogeneous(self) -> bool:
         """Whether all tests are homogeneous states as long as no effect disturbs them."""
-        return all(_is_homogeneous(c) for c in self.curves)
+        return all(is_homogeneous(c) for c in self.curves)
 
     @cached_property
     def series(self) -> list[Series]:
@@ -432,7 +432,7 @@ def _for_group(tissue: Tissue, group: str) -> Tissue:
     return tissue.model_copy(update={"constants": {group: tissue.constants[group]}})
 
 
-def _is_homogeneous(curve: Curve) -> bool:
+def is_homogeneous(curve: Curve) -> bool:
     """Whether every point of a specimen is strained alike: without a tool, or between platens that let it slide."""
     if curve.tool is None:
         return True

@@ -12,9 +12,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import lsq_linear
 
+from explicitfe.inverse.close_loop.statistics.budget import NO_LIMIT, Budget
 from explicitfe.inverse.close_loop.statistics.covariance import Covariance, measured_rows, stack
 from explicitfe.inverse.close_loop.statistics.system import Answer, Answering, Hypothesis, System, steps_of, values_by_name
-from explicitfe.inverse.close_loop.statistics.time_limit import NO_LIMIT, TimeLimit
 from explicitfe.platform.errors import InputError, RunError
 
 # Names with ROUGH are for answers with numerical roughness, such as those of a coarse mesh.
@@ -106,7 +106,7 @@ def refit(
     target: np.ndarray | None = None,
     slopes: np.ndarray | None = None,
     renew: Slopes | None = None,
-    limit: TimeLimit = NO_LIMIT,
+    limit: Budget = NO_LIMIT,
 ) -> BestFit:
     """The best parameters of a model, by the method of Levenberg and Marquardt inside the bounds; never worse than the start.
 
@@ -223,7 +223,7 @@ class _Position:
 
 
 def _descend(
-    system: Answering, position: _Position, covariance: Covariance, y: np.ndarray, renew: Slopes | None, limit: TimeLimit
+    system: Answering, position: _Position, covariance: Covariance, y: np.ndarray, renew: Slopes | None, limit: Budget
 ) -> _Position:
     """The least chi2 downhill from a position."""
     model, answer, slopes, fresh = position.model, position.answer, position.slopes, position.fresh
@@ -401,7 +401,7 @@ def renewed(
     covariance: Covariance,
     times: int = MOST_RENEWALS,
     renew: Slopes | None = None,
-    limit: TimeLimit = NO_LIMIT,
+    limit: Budget = NO_LIMIT,
 ) -> tuple[System, BestFit]:
     """A fit with the forward model that is best at its own parameters, which is taken again as they move; and that model."""
     for _ in range(times):

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from explicitfe.inverse.close_loop.comparison import compare
+from explicitfe.inverse.close_loop.progress import SearchProgress
 from explicitfe.inverse.close_loop.report import (
     LoopDocuments,
     add_failure,
@@ -17,9 +19,9 @@ from explicitfe.inverse.close_loop.report import (
     new_report,
 )
 from explicitfe.inverse.close_loop.split import Split
+from explicitfe.inverse.close_loop.statistics.budget import OutOfTimeError, SearchLimits
 from explicitfe.inverse.close_loop.statistics.refit import BestFit
 from explicitfe.inverse.close_loop.statistics.system import Answer
-from explicitfe.inverse.close_loop.statistics.time_limit import SearchLimits
 from explicitfe.inverse.close_loop.trajectories.levers import title_of
 from explicitfe.inverse.close_loop.trajectories.markers import remarks
 from explicitfe.inverse.close_loop.trajectories.paths import moving_markers
@@ -28,7 +30,8 @@ from explicitfe.inverse.close_loop.trajectories.vibration import features_of
 from explicitfe.inverse.close_loop.verdict import conclude
 from explicitfe.inverse.measured.curve import TrajectoryDataset
 from explicitfe.platform.compiled.threads import cores
-from explicitfe.platform.errors import InputError, Progress, RunError, Share
+from explicitfe.platform.errors import InputError, Progress, RunError
+from explicitfe.platform.host import stopping
 from explicitfe.results.documents.loop_report import CurveError, LoopReport, ReportCurve
 from explicitfe.results.documents.motion_report import MarkerMotion, MovingMarkers, ReportedRepeats
 from explicitfe.results.documents.report_part import Side
@@ -53,36 +56,43 @@ def close_trajectories(
     """
     if dataset.scenario is None:
         raise InputError(f"{dataset.path}: the dataset has no scenario to compare with; add the key scenario.")
-    system = trajectory_system(dataset, sides.fit, limits.processes or cores(), only=tuple(effects))
-    progress("trace", 0.0)
+    shown = SearchProgress(progress, limits.budget)
+    shown.step("", 0.0)
+    system = trajectory_system(dataset, sides.fit, limits.processes or cores(), only=tuple(effects), budget=limits.budget)
     report = _new_report(dataset, sides, system.considered, limits.max_effects)
+    late: list[str] = []
     try:
-        comparison = compare(
-            system,
-            max_effects=limits.max_effects,
-            rows=system.rows,
-            limit=limits.time,
-            watch=lambda step, share: progress("trace", Share(share, step)),
-        )
-        outcome = conclude(comparison)
-        progress("trace", 1.0)
-        before, after = comparison.baseline.fit, outcome.final.fit
-        assert before is not None and after is not None
-        add_outcome(report, outcome)
-        progress("predict", 0.0)
-        curves = _add_errors(report, system, sides, before, after)
-        markers = _add_motion(report, system, sides, before, after) if system.placed else []
-    except RunError as error:
+        with stopping.checking(limits.budget.check):
+            comparison = compare(system, max_effects=limits.max_effects, rows=system.rows, limit=limits.budget, watch=shown.step)
+            outcome = conclude(comparison)
+            before, after = comparison.baseline.fit, outcome.final.fit
+            assert before is not None and after is not None
+            add_outcome(report, outcome)
+            shown.enter("predict", 0.0)
+            try:
+                curves = _add_errors(report, system, sides, before, after)
+            except OutOfTimeError as error:
+                late = [f"held-out curves are not predicted, because {error}."]
+                sides = replace(sides, holdout=())
+                curves = _add_errors(report, system, sides, before, after)
+            markers = _add_motion(report, system, sides, before, after) if system.placed else []
+    except (RunError, OutOfTimeError) as error:
         report = _new_report(dataset, sides, system.considered, limits.max_effects)
-        add_failure(report, str(error))
+        add_failure(
+            report,
+            str(error)
+            if isinstance(error, RunError)
+            else f"{error} before the effects were screened, so that nothing can be concluded. Give a larger `minutes`.",
+        )
         return LoopDocuments(report)
     finally:
         system.runs.close()
-    progress("predict", 1.0)
+    shown.enter("trace", 1.0)
+    shown.enter("predict", 1.0)
     report.effect_titles |= {name: title_of(name, system.levers) for name in report.effect_titles}
     report.next_experiment = None
     report.sensitivity_to_assumed = {}
-    report.warnings = [*limit_warning(comparison), *_of_markers(system, sides), *_warnings(sides, before, after)]
+    report.warnings = [*limit_warning(comparison), *late, *_of_markers(system, sides), *_warnings(sides, before, after)]
     files = {SCENARIO_FILE: system.scenario_text(after.model), BASELINE_FILE: system.scenario_text(before.model)}
     return LoopDocuments(report, curves, markers, files)
 

@@ -13,10 +13,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from explicitfe.inverse.close_loop.statistics.budget import Budget
 from explicitfe.inverse.close_loop.statistics.covariance import Covariance, measured_rows, stack
 from explicitfe.inverse.close_loop.statistics.refit import BestFit, derivatives, fit_at, refit
 from explicitfe.inverse.close_loop.statistics.system import Answer, Hypothesis, Parameter, Series, steps_of
-from explicitfe.inverse.close_loop.statistics.time_limit import TimeLimit
 from explicitfe.inverse.close_loop.trajectories.emulator import Emulator, Vibration, add_change, change_of, vibration_of
 from explicitfe.inverse.close_loop.trajectories.recordings import Recordings
 from explicitfe.platform.errors import RunError
@@ -109,7 +109,7 @@ def map_answers(recordings: Recordings, emulator: Emulator, model: Hypothesis) -
 
 
 def fit_by_mapping(
-    recordings: Recordings, emulator: Emulator, start: Hypothesis, covariance: Covariance, limit: TimeLimit
+    recordings: Recordings, emulator: Emulator, start: Hypothesis, covariance: Covariance, limit: Budget
 ) -> tuple[BestFit, MappedAnswers]:
     """The best parameters of a model, never worse than the start, and fast answers that are exact there.
 

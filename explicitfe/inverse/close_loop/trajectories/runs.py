@@ -14,6 +14,7 @@ import numpy as np
 from explicitfe.fem.mesh.hexmesh import CORNERS, HexMesh, MaterialPoints, shape_functions, shape_gradients
 from explicitfe.fem.mesh.muscle_lines import locate_in_mesh
 from explicitfe.fem.solve.transient import Transient
+from explicitfe.inverse.close_loop.statistics.budget import Budget
 from explicitfe.inverse.close_loop.trajectories.emulator import Emulator
 from explicitfe.inverse.measured.curve import Curve
 from explicitfe.platform.errors import InputError, RunError
@@ -184,25 +185,22 @@ class Runs:
     ----------
     sites : where the sensors sit.
     processes : at most so many.
+    budget : counts the runs.
     """
 
-    def __init__(self, path: Path, sites: Sites, processes: int = 1) -> None:
+    def __init__(self, path: Path, sites: Sites, processes: int = 1, budget: Budget | None = None) -> None:
         self.path = path
         self.sites = sites
         self.processes = processes
+        self.budget = budget or Budget()
         self._kept: dict[Job, Run] = {}
         self.emulator: Emulator | None = None  # fast answers, once the candidates have been screened
         self._pool: WorkerPool | None = None
 
-    @property
-    def count(self) -> int:
-        """Number of different runs so far."""
-        return len(self._kept)
-
     def close(self) -> None:
-        """End its processes."""
+        """End its processes, with what they compute."""
         if self._pool is not None:
-            self._pool.shutdown(cancel_futures=True)
+            self._pool.end()
             self._pool = None
 
     def of(self, jobs: Iterable[Job]) -> list[Run]:
@@ -211,20 +209,27 @@ class Runs:
         todo = list(dict.fromkeys(job for job in jobs if job not in self._kept))
         # The first run is done here: it compiles the kernels, which the other processes then load.
         if todo and not self._kept:
-            self._kept[todo[0]] = _run_job(self.path, self.sites, todo[0])
+            self._keep(todo[0], _run_job(self.path, self.sites, todo[0]))
             del todo[0]
         if self.processes > 1 and len(todo) > 1:
             try:
                 self._pool = self._pool or WorkerPool(self.processes)
-                work = self._pool.map(_run_job, [self.path] * len(todo), [self.sites] * len(todo), todo)
-                self._kept |= dict(zip(todo, work, strict=True))
-            except BrokenProcessPool:  # a script that is read from standard input can start no process
+                same = [self.path] * len(todo), [self.sites] * len(todo)
+                for job, run in zip(todo, self._pool.map(_run_job, *same, todo, timeout=self.budget.remaining_s()), strict=True):
+                    self._keep(job, run)
+            except (BrokenProcessPool, TimeoutError) as error:  # a script that is read from standard input can start no process
+                if isinstance(error, TimeoutError):
+                    self.close()
                 stopping.check()
                 self._pool, self.processes = None, 1
         for job in todo:
             if job not in self._kept:
-                self._kept[job] = _run_job(self.path, self.sites, job)
+                self._keep(job, _run_job(self.path, self.sites, job))
         return [self._kept[job] for job in jobs]
+
+    def _keep(self, job: Job, run: Run) -> None:
+        self._kept[job] = run
+        self.budget.spend()
 
 
 @cache

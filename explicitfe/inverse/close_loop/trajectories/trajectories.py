@@ -16,11 +16,11 @@ from scipy.spatial.transform import Rotation
 from explicitfe.fem.effects.effect import Sought
 from explicitfe.fem.mesh.hexmesh import HexMesh
 from explicitfe.fem.mesh.muscle_lines import locate_in_mesh
+from explicitfe.inverse.close_loop.statistics.budget import Budget
 from explicitfe.inverse.close_loop.statistics.covariance import Covariance, outside, stack
 from explicitfe.inverse.close_loop.statistics.noise import RowNoise, row_noise
 from explicitfe.inverse.close_loop.statistics.refit import BestFit, derivatives
 from explicitfe.inverse.close_loop.statistics.system import Answer, Candidate, Hypothesis, Parameter, Scales, Term, candidate
-from explicitfe.inverse.close_loop.statistics.time_limit import TimeLimit
 from explicitfe.inverse.close_loop.thresholds import THRESHOLDS
 from explicitfe.inverse.close_loop.trajectories.emulate import emulator_near
 from explicitfe.inverse.close_loop.trajectories.lever import Experiment
@@ -228,7 +228,7 @@ class Trajectories(Recordings):
             answers.append(self.by_columns(seen))
         return answers
 
-    def fit_by_mapping(self, start: Hypothesis, covariance: Covariance, limit: TimeLimit) -> BestFit | None:
+    def fit_by_mapping(self, start: Hypothesis, covariance: Covariance, limit: Budget) -> BestFit | None:
         """The fit of a model by corrected fast answers; None where there are none."""
         emulator = self.runs.emulator
         known = emulator is not None and all(map(self.has_sketch, start.effects))
@@ -381,6 +381,7 @@ def trajectory_system(
     *,
     only: Sequence[str] = (),
     placement_mm: float = 0.0,
+    budget: Budget | None = None,
 ) -> Trajectories:
     """The system of some curves of a trajectory dataset, with the registration brought near by Procrustes.
 
@@ -406,7 +407,7 @@ def trajectory_system(
         if levers[name].reason:
             raise InputError(f"{dataset.path}: fit = {name} is not possible: {levers[name].reason}.")
     sites = _sites(dataset, mesh)
-    runs = Runs(dataset.scenario, sites, processes)
+    runs = Runs(dataset.scenario, sites, processes, budget)
     if any(sensor.at_m is not None for sensor in dataset.sensors.values()):
         placed = {curve.id: place_on_model(curve, dataset.sensors) for curve in dataset.curves}
         identity = Registration(np.eye(3), np.zeros(3))

@@ -21,8 +21,10 @@ from explicitfe.fem.solve.simulation import Simulation
 from explicitfe.fem.solve.transient import Transient
 from explicitfe.platform.compiled.arrays import BARRIER, DAMPED, EXTERNAL, HOURGLASS, IN_TIES, INTERNAL, KINETIC, LOST
 from explicitfe.platform.errors import InputError
+from explicitfe.results.files import open_result
 from explicitfe.simulate.anatomy.loads import node_shares
 from explicitfe.simulate.anatomy.tongue import assemble
+from explicitfe.simulate.run.notes import BALANCE_WARNING_SHARE
 from explicitfe.simulate.run.run import run
 from explicitfe.simulate.scenario.read import read_transient
 
@@ -287,6 +289,36 @@ def test_a_scenario_has_all_of_them(tmp_path: Path) -> None:
     assert not model.held.any() and model.attachments[0].normal_stiffness_Pa_m == 5e8
     summary = run(path, tmp_path)
     assert summary["status"] == "finished" and summary["energy_balance_error"] < MOST_IMBALANCE  # type: ignore[typeddict-item]
+
+
+@pytest.mark.parametrize("at_ms", [20.0, 20.0033, 33.3333])
+def test_a_release_begins_at_its_time(at_ms: float, tmp_path: Path) -> None:
+    """A free body falls by g t^2 / 2 from the release on, to less than a fiftieth of a step of 38 microseconds."""
+    path = write(tmp_path, f"[release]\nat_ms = {at_ms}")
+    summary = run(path, tmp_path, settings=["model.fixed=[]", "model.damping.alpha_per_s=0.0"])
+    with open_result(summary["result"]) as result:
+        fallen = np.array([-result.displacement(k)[:, 2].mean() for k in range(len(result.times))])
+        since_s = np.array(result.times) - 1e-3 * at_ms
+    assert np.all(fallen[since_s < 0.0] == 0.0)
+    later = since_s > 0.01
+    assert np.abs(np.sqrt(fallen[later]) - since_s[later]).max() < 8e-7
+    assert [warning.split(",")[0] for warning in summary["warnings"]] == ["nothing holds the body"]  # forces are not too large
+
+
+def test_a_short_release_is_no_reason_to_doubt_the_time_step(tmp_path: Path) -> None:
+    """The error of the energy balance is large relative to the energies where the release begins, not to those of the run."""
+    path = write(tmp_path, "[release]\nover_ms = 0.5")
+    summary = run(path, tmp_path, settings=["record.every_ms=0.5"])
+    assert summary["energy_balance_error"] > BALANCE_WARNING_SHARE  # type: ignore[typeddict-item]
+    assert not any("energy balance" in warning for warning in summary["warnings"])
+
+
+def test_the_weight_of_a_body_in_a_wrong_unit_is_named(tmp_path: Path) -> None:
+    path = write(tmp_path, "")
+    text = path.read_text(encoding="utf-8")
+    path.write_text(text.replace("100.0, 10.0, 10.0", "5000.0, 5000.0, 5000.0"), encoding="utf-8")
+    with pytest.raises(InputError, match=r"the weight of a node of this mesh, 5000 mm long, is \d+ N.*the unit of length"):
+        assemble(read_transient(path), tmp_path)
 
 
 def test_a_load_is_spread_over_a_disc(tmp_path: Path) -> None:

@@ -56,19 +56,36 @@ def shifted(surface: TriangleSurface, shift_m: np.ndarray) -> TriangleSurface:
 def depth_inside(surface: TriangleSurface, points: np.ndarray) -> np.ndarray:
     """How deep points (k, 3) m lie inside a closed surface, (k,) m; 0 outside.
 
-    A point is inside if the solid angles of the triangles around it add up to 4 pi (Van Oosterom & Strackee 1983, IEEE Trans.
-    Biomed. Eng. 30:125).
+    A point is inside if more triangles above it face up than down.
     """
     depth = np.zeros(len(points))
-    low, high = surface.box_m
-    for k in np.flatnonzero(((points > low) & (points < high)).all(axis=1)):
-        a, b, c = np.moveaxis(surface.corners - points[k], 1, 0)
-        la, lb, lc = (np.linalg.norm(x, axis=1) for x in (a, b, c))
-        volume = np.einsum("ij,ij->i", a, np.cross(b, c))
-        edges = la * lb * lc + (a * b).sum(axis=1) * lc + (b * c).sum(axis=1) * la + (c * a).sum(axis=1) * lb
-        if 2.0 * np.arctan2(volume, edges).sum() > 2.0 * np.pi:
-            depth[k] = triangle_distance(np.broadcast_to(points[k], a.shape), surface.corners).min()
+    corners = surface.corners
+    low, high = corners.min(axis=1), corners.max(axis=1)
+    for k in np.flatnonzero(((points > surface.box_m[0]) & (points < surface.box_m[1])).all(axis=1)):
+        point = points[k]
+        above = (low[:, :2] <= point[:2]).all(axis=1) & (high[:, :2] >= point[:2]).all(axis=1) & (high[:, 2] > point[2])
+        if _winding(corners[above], point) > 0:
+            reach = np.sqrt(((corners[:, 0] - point) ** 2).sum(axis=1).min())
+            near = corners[((low <= point + reach) & (high >= point - reach)).all(axis=1)]
+            depth[k] = triangle_distance(np.broadcast_to(point, near[:, 0].shape), near).min()
     return depth
+
+
+def _winding(corners: np.ndarray, point: np.ndarray) -> int:
+    """How many triangles (m, 3, 3) above a point (3,) face up, less those that face down.
+
+    A point above an edge or a corner counts for one of the triangles there, whose common edge is computed alike.
+    """
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    ends = np.stack([corners, np.roll(corners, -1, axis=1)])
+    rises = ends[0, :, :, 1] < ends[1, :, :, 1]
+    first, last = np.where(rises[..., None], ends[0], ends[1]), np.where(rises[..., None], ends[1], ends[0])
+    passed = (first[..., 1] <= point[1]) & (last[..., 1] > point[1])
+    share = (point[1] - first[..., 1]) / np.where(passed, last[..., 1] - first[..., 1], 1.0)
+    left = passed & (point[0] < first[..., 0] + share * (last[..., 0] - first[..., 0]))
+    inside = left.sum(axis=1) % 2 == 1
+    side = np.einsum("ij,ij->i", corners[:, 0] - point, normal)  # its sign is that of the normal where the triangle is above
+    return int(np.sum(np.sign(normal[inside & (side * normal[:, 2] > 0.0), 2])))
 
 
 def in_mm(point_m: np.ndarray) -> str:

@@ -54,6 +54,13 @@ def gravity_load(
     for extra in masses:
         np.add.at(mass, extra.nodes, extra.mass_kg)
     force = mass[:, None] * np.array(acceleration)
+    heaviest, largest = float(np.abs(force).max()), bounds_of("force_N").largest
+    if heaviest > largest:
+        extent_mm = 1e3 * float(np.ptp(mesh.points, axis=0).max())
+        raise InputError(
+            f"the weight of a node of this mesh, {extent_mm:.0f} mm long, is {heaviest:.0f} N, above the largest force of "
+            f"{largest:g} N; check the unit of length of the mesh, and the density."
+        )
     return NodalLoad("gravity", np.arange(mesh.node_count), force, Profile.constant())
 
 

@@ -57,6 +57,13 @@ class Ledger:
         """The largest so far."""
         return self.balance_errors[-1] if self.balance_errors else 0.0
 
+    @property
+    def balance_error_of_run(self) -> float:
+        """The largest error relative to the energies of the whole run: where a load begins, those at that time are small."""
+        balances = [balance(e) for e in self.energies]
+        scale = max(self._scale, self.rounding_J)
+        return float(np.abs(np.subtract(balances, balances[0])).max() / scale) if scale > 0.0 else 0.0
+
     def add(self, snapshot: Snapshot) -> float:
         """Note a sample; its balance error relative to the largest of external work, internal and kinetic energy so far."""
         return self.add_until(snapshot.energies[None], np.inf)[1]

@@ -163,10 +163,11 @@ class Crossings:
                     "the forces are too large for the contact springs, or the mesh is too coarse for an edge of the bone; reduce "
                     "the forces or gravity_m_s2 and check their units, or refine the mesh."
                 )
-        nodes = np.flatnonzero(surface_areas(self.mesh) > 0.0)
+        moved = np.linalg.norm(displacement, axis=1) > CROSSING_WARNING_M  # no other node can be so much deeper than at rest
+        nodes = np.flatnonzero((surface_areas(self.mesh) > 0.0) & moved)
         for name, surface in self.omitted.items():
             depths = depth_inside(surface, self.mesh.points[nodes] + displacement[nodes])
-            crossed = np.flatnonzero(depths > 0.0)
+            crossed = np.flatnonzero(depths > CROSSING_WARNING_M)
             if not len(crossed):
                 continue
             beyond = depths[crossed] - depth_inside(surface, self.mesh.points[nodes[crossed]])

@@ -132,7 +132,7 @@ def balance_notes(error: float, barrier_share: float) -> list[str]:
 
     Parameters
     ----------
-    error : the largest relative error so far.
+    error : the largest error, relative to the energies of the run.
     barrier_share : the largest energy of the barrier against inversion, as a share of the elastic energy at that time.
     """
     if not error > BALANCE_WARNING_SHARE:

@@ -55,7 +55,7 @@ from explicitfe.simulate.run.analysis import (
 )
 from explicitfe.simulate.run.crossings import CROSSING_WARNING_M, Crossings
 from explicitfe.simulate.run.machine_code import kernels_of, make_ready
-from explicitfe.simulate.run.notes import balance_notes
+from explicitfe.simulate.run.notes import balance_notes, holding_nodes
 from explicitfe.simulate.run.outlook import check_room, check_steps, warn_of_long_run
 from explicitfe.simulate.run.quantities import ENERGY_COLUMNS, cell_fields, fields_of, history_columns, history_rows, point_fields
 from explicitfe.simulate.run.stress_fields import needs_stress, numbers_per
@@ -300,7 +300,7 @@ class TransientAnalysis(Analysis[TransientScenario, Simulation]):
         warnings += crossings.warnings(last.displacement, last.time_s)
         moved = float(np.linalg.norm(last.displacement, axis=1).max())
         extent = float(np.ptp(mesh.points, axis=0).max())
-        if moved > DISPLACEMENT_WARNING_SHARE * extent:
+        if moved > DISPLACEMENT_WARNING_SHARE * extent and holding_nodes(self.model).any():
             warnings.append(
                 f"a node has moved by {1e3 * moved:.0f} mm, more than half the largest extent of the model "
                 f"({1e3 * extent:.0f} mm): the forces are too large for this tissue; check their values and units."
@@ -308,7 +308,7 @@ class TransientAnalysis(Analysis[TransientScenario, Simulation]):
         energies = np.array(ledger.energies)
         elastic = energies[:, INTERNAL] + energies[:, HOURGLASS]
         barrier_share = np.max(energies[:, BARRIER] / np.where(elastic > 0.0, elastic, np.inf), initial=0.0)
-        return [*warnings, *balance_notes(ledger.balance_error, float(barrier_share))]
+        return [*warnings, *balance_notes(ledger.balance_error_of_run, float(barrier_share))]
 
     def _summary(
         self,

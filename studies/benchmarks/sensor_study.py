@@ -225,7 +225,7 @@ def main() -> None:
                 system = trajectory_system(dataset, fitted, chosen.processes)
                 outcome = conclude(compare(system, max_effects=2, rows=system.rows))
                 print(row(hidden, noise_mm, system, outcome, time.perf_counter() - begin), flush=True)
-                system.runs.close()
+                system.runs.workers.close()
 
 
 if __name__ == "__main__":

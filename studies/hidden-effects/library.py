@@ -82,7 +82,7 @@ class Data:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._simulator.close()
+        self._simulator.workers.close()
 
     def candidates(self) -> list[Candidate]:
         """Effects that these data may show, with their trial values; on a mesh only those that need no history."""

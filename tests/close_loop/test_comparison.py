@@ -152,7 +152,7 @@ def test_without_effects():
 
 def test_a_search_that_ends_at_its_budget(monkeypatch):
     """Hypotheses that were not fitted keep their estimates, which are exact for a linear system, and are named."""
-    monkeypatch.setattr(Budget, "reached", lambda self: self.simulations is not None)
+    monkeypatch.setattr(Budget, "allowed", property(lambda self: np.inf if self.simulations is None else 0))
     system = holding(3, {"bump-3": 0.1, "bump-7": 0.03})
     whole, _ = compared(system)
     ended, outcome = compared(system, simulations=1)
@@ -169,7 +169,8 @@ def fits_before_the_limit(monkeypatch, count: int) -> None:
     done: list[object] = []
     fit = Comparing._fit
     monkeypatch.setattr(Comparing, "_fit", lambda self, *given: (done.append(given), fit(self, *given)))
-    monkeypatch.setattr(Budget, "reached", lambda self: self.simulations is not None and len(done) >= count)
+    limited = property(lambda self: 0 if self.simulations is not None and len(done) >= count else np.inf)
+    monkeypatch.setattr(Budget, "allowed", limited)
 
 
 def test_a_hypothesis_that_the_limit_left_is_not_ruled_out(monkeypatch):

@@ -293,7 +293,7 @@ def test_a_protocol_that_begins_and_ends_at_zero_force(shipped, tmp_path):
         model = design._model(system, protocol)
         (answer,) = system.answers([model])
     finally:
-        simulator.close()
+        simulator.workers.close()
     rows = len(protocol.curve[0].programme)
     for curve, one, values in zip(system.curves, system.series, answer, strict=True):
         assert {len(column) for column in curve.columns.values()} == {rows}

@@ -9,7 +9,6 @@ from short_beam import short_beam
 
 from explicitfe.fem.effects.effect import Sought
 from explicitfe.inverse.close_loop.baseline import fitted_baseline
-from explicitfe.inverse.close_loop.statistics.budget import NO_LIMIT
 from explicitfe.inverse.close_loop.statistics.system import Scales, candidate
 from explicitfe.inverse.close_loop.trajectories.emulate import emulator_near
 from explicitfe.inverse.close_loop.trajectories.emulator import Responses, Vibration, add_change, change_of, vibration_of
@@ -98,7 +97,7 @@ def test_a_fit_is_right_if_fast_answers_are_wrong_by_a_factor(tmp_path: Path):
     known = emulator.responses["load-mass"]
     wrong = replace(known, changes={curve: change / 3.0 for curve, change in known.changes.items()})
     emulator = replace(emulator, responses={**emulator.responses, "load-mass": wrong})
-    fit, mapped = fit_by_mapping(system, emulator, baseline.model.plus(mass.term, mass.trials[0]), covariance, NO_LIMIT)
+    fit, mapped = fit_by_mapping(system, emulator, baseline.model.plus(mass.term, mass.trials[0]), covariance)
     assert mapped.model is fit.model
     assert fit.whitened < 0.02 * baseline.whitened
     assert fit.model.values[-1] == pytest.approx(1.0, abs=0.05)  # all of the load is a mass (ATTRIBUTION.md)

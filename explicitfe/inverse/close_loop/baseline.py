@@ -7,7 +7,6 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
-from explicitfe.inverse.close_loop.statistics.budget import Budget
 from explicitfe.inverse.close_loop.statistics.covariance import Covariance, stack
 from explicitfe.inverse.close_loop.statistics.noise import RowNoise, Scatter, row_noise, row_noise_beside, scatter
 from explicitfe.inverse.close_loop.statistics.refit import BestFit, Slopes, refit, renewed, settled
@@ -26,7 +25,7 @@ Watch = Callable[[str, float], None]
 class FitsByMapping(Protocol):
     """A system that fits models by fast answers which the simulator corrects."""
 
-    def fit_by_mapping(self, start: Hypothesis, covariance: Covariance, limit: Budget) -> BestFit | None:
+    def fit_by_mapping(self, start: Hypothesis, covariance: Covariance) -> BestFit | None:
         """The fit of a model; None where an effect has no fast answers."""
 
     def beside(self, fit: BestFit) -> Answering | None:
@@ -67,7 +66,7 @@ def fitted_baseline(system: System, rows: Sequence[RowNoise] | None, watch: Watc
 
 
 def with_own_numerics(
-    system: System, covariance: Covariance, fit: BestFit, renew: Slopes | None, limit: Budget
+    system: System, covariance: Covariance, fit: BestFit, renew: Slopes | None
 ) -> tuple[System, Covariance, BestFit]:
     """A fit with the numerical error of its own model, which was so far that of the baseline.
 
@@ -76,9 +75,9 @@ def with_own_numerics(
     RunError : the model cannot be computed so.
     """
     assumed = {name: d for name, d in covariance.floors.items() if name.startswith(ASSUMED)}
-    system, fit = renewed(system, fit, covariance, times=1, limit=limit)
+    system, fit = renewed(system, fit, covariance, times=1)
     covariance = covariance_of(system, fit.model, covariance.rows, covariance.scatter, assumed)
-    return system, covariance, fit_of(system, fit.model, covariance, renew, limit, fit.slopes)
+    return system, covariance, fit_of(system, fit.model, covariance, renew, fit.slopes)
 
 
 def fit_of(
@@ -86,7 +85,6 @@ def fit_of(
     start: Hypothesis,
     covariance: Covariance,
     renew: Slopes | None,
-    limit: Budget,
     slopes: np.ndarray | None = None,
 ) -> BestFit:
     """The best fit of a model, by fast answers that the simulator corrects where there are some for all its effects.
@@ -95,8 +93,8 @@ def fit_of(
     ------
     RunError : the model cannot be computed where its fit begins.
     """
-    mapped = system.fit_by_mapping(start, covariance, limit) if isinstance(system, FitsByMapping) else None
-    return mapped or refit(system, start, covariance, slopes=slopes, renew=renew, limit=limit)
+    mapped = system.fit_by_mapping(start, covariance) if isinstance(system, FitsByMapping) else None
+    return mapped or refit(system, start, covariance, slopes=slopes, renew=renew)
 
 
 def covariance_of(

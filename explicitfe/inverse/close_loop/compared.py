@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.special import logsumexp
@@ -90,7 +90,7 @@ class ComparedCauses:
     signatures: Sequence[Signature]
     not_testable: Mapping[str, str]
     failed: Mapping[Key, str]
-    cause_of: Mapping[str, str]
+    cause_of: Mapping[str, str] = field(default_factory=dict)
     left: Sequence[Key] = ()
     ended: str = ""
 

@@ -102,7 +102,7 @@ def plan_test(path: Path | str, *, processes: int | None = None, progress: Progr
         known = signatures(fit, covariance, tested, system.changes(fit.model, tested))
         progress("design", 1.0)
     finally:
-        simulator.close()
+        simulator.workers.close()
     effects = []
     for candidate in candidates:
         signature = next((p for p in known if p.candidate is candidate), None)

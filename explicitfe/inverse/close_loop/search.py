@@ -1,10 +1,9 @@
 """The comparison of hypotheses: sets of causes are screened, fitted and weighed by their evidence; from a system to an outcome.
 
-Every single effect is screened from its signature, and so is every pair; larger sets are built from the smaller ones that are
-nearest to the data. On a mesh fits are estimated further with fast answers. A hypothesis that could matter, by the errors that
-estimates have shown, is fitted with the simulator, and again from its fitted subsets if it ends worse than one of them. A set
-that was not fitted keeps the evidence of its estimate, or, where the limit of time left it, the mean evidence of all that its
-fit could find. The best set is fitted in the other forms of its causes before larger ones are built.
+Every single effect and every pair is screened from signatures; larger sets are built from the smaller ones that are nearest to
+the data. On a mesh fits are estimated further with fast answers. A hypothesis that could matter, by the errors that estimates
+have shown, is fitted with the simulator, and again from its fitted subsets if it ends worse than one of them. A set that was not
+fitted keeps the evidence of its estimate, or, where a limit left it, the mean evidence of all that its fit could find.
 """
 
 from __future__ import annotations
@@ -17,29 +16,77 @@ from itertools import combinations
 import numpy as np
 from scipy.special import expit, logsumexp
 
-from explicitfe.inverse.close_loop.baseline import fit_of, with_own_numerics
-from explicitfe.inverse.close_loop.compared import ComparedCauses, Entry, Key, further_effects, not_testable, without_term
-from explicitfe.inverse.close_loop.evidence import log_odds_of_other, posterior_of
+from explicitfe.inverse.close_loop.baseline import Watch, fit_of, with_own_numerics
+from explicitfe.inverse.close_loop.compared import (
+    ComparedCauses,
+    Entry,
+    Key,
+    forms_by_cause,
+    further_effects,
+    needed_decrease,
+    not_testable,
+    without_term,
+)
+from explicitfe.inverse.close_loop.estimates import Estimates
+from explicitfe.inverse.close_loop.evidence import Causes, Prior, cost_of_term, evidence_of, log_odds_of_other, posterior_of
 from explicitfe.inverse.close_loop.fast_fits import FastFits
-from explicitfe.inverse.close_loop.hypotheses import Hypotheses
-from explicitfe.inverse.close_loop.statistics.budget import OutOfTimeError
-from explicitfe.inverse.close_loop.statistics.covariance import outside
-from explicitfe.inverse.close_loop.statistics.refit import BestFit
-from explicitfe.inverse.close_loop.statistics.signatures import EstimatedFit, Screening, Signature, screen
-from explicitfe.inverse.close_loop.statistics.system import Hypothesis
+from explicitfe.inverse.close_loop.statistics.budget import Budget, OutOfTimeError
+from explicitfe.inverse.close_loop.statistics.covariance import Covariance, outside
+from explicitfe.inverse.close_loop.statistics.refit import BestFit, Slopes
+from explicitfe.inverse.close_loop.statistics.signatures import EstimatedFit, Screening, Signature, screen, signatures_beside
+from explicitfe.inverse.close_loop.statistics.sketch import Sketch
+from explicitfe.inverse.close_loop.statistics.system import Candidate, Hypothesis, System
 from explicitfe.inverse.close_loop.thresholds import THRESHOLDS
 from explicitfe.platform.errors import RunError
 
 FURTHER_TERMS = 2  # A cause may use several terms: two more in a set than it has causes.
 MOST_PARENTS = 6  # Hypotheses from which larger ones are built.
-FITS_PROGRESS, FINISH_PROGRESS = 0.4, 0.9  # Shares of the search at which its stages begin.
+SCREENING_PROGRESS, FITS_PROGRESS, FINISH_PROGRESS = 0.2, 0.4, 0.9  # Shares of the search at which its stages begin.
 # The largest number of hypotheses with one, two and more terms that are fitted, a bound on the time.
 MOST_FITS, MOST_FITS_ON_A_MESH = {1: 60, 2: 24, 3: 12}, {1: 16, 2: 4, 3: 2}
 MOST_FITS_BESIDE_FAST_ANSWERS = {1: 6, 2: 8, 3: 6}  # the simulator confirms the best of the estimated hypotheses
 
 
-class Comparing(Hypotheses):
-    """One comparison, see :class:`explicitfe.inverse.close_loop.hypotheses.Hypotheses` for its parameters."""
+class Comparing:
+    """One comparison: the table of responses near the baseline, and the hypotheses by the effects of their terms.
+
+    Parameters
+    ----------
+    max_effects, limit, watch : as for :func:`explicitfe.inverse.close_loop.comparison.compare`.
+    """
+
+    def __init__(
+        self, system: System, covariance: Covariance, fit: BestFit, max_effects: int, limit: Budget, watch: Watch
+    ) -> None:
+        self.system, self.covariance, self.watch = system, covariance, watch
+        self.max_effects, self.limit = max_effects, limit
+        self.waiting: list[Entry] = []  # hypotheses that could matter and are not fitted yet
+        self.left: list[Key] = []  # those of them when the limit was reached
+        self.failed: dict[Key, str] = {}
+        self.screened: dict[Key, tuple[Entry, Screening]] = {}
+        watch("screening of the candidates", SCREENING_PROGRESS)
+        self.library = system.candidates(fit.model)
+        self.cause_of = {c.effect: c.cause for c in self.library}
+        self.slow = {c.effect for c in self.library if c.slow}
+        tested = [c for c in self.library if not c.reason and max_effects]
+        meshed = [c for c in tested if system.costly(fit.model.plus(c.term, c.trials[0]))]
+        changes = zip(meshed, system.changes(fit.model, meshed), strict=True)
+        self.table = {c.effect: (c, d) for c, d in changes}
+        self.sketch = Sketch(system, fit) if system.costly(fit.model) else None
+        self.fast = None if self.sketch is None else FastFits(system, self.sketch, self.table, covariance)
+        self.fast_fits: dict[Key, Entry] = {}
+        self.estimates = Estimates(self._near, sum(len(one.measured) for one in system.series))
+        self.near: dict[Key, dict[str, Signature]] = {}
+        self.at_baseline = self._signatures(fit, covariance, tested)
+        causes = {one.candidate.cause for one in self.at_baseline}
+        self.prior = Prior(len(causes), forms_by_cause(self.library))
+        self.visible = {one.candidate.effect for one in self.at_baseline if self._is_visible(one)}
+        causes = {one.candidate.cause for one in self.at_baseline if one.candidate.effect in self.visible}
+        self.prior = replace(self.prior, causes=len(causes))
+        self.fitted: dict[Key, Entry] = {(): self._entry(fit, system, covariance)}
+        limit.begin_fits()
+
+    # ---- the comparison ----
 
     def run(self) -> ComparedCauses:
         """Fit what matters, then exchange terms of the best hypothesis until it stays; or until a limit is reached."""
@@ -47,18 +94,11 @@ class Comparing(Hypotheses):
             self._fit_levels()
             self._exchange()
         except OutOfTimeError:
-            self.ended = self.limit.sentence
+            self.limit.reached()
             self.left += [one.key for one in self.waiting if one.key not in self.fitted and one.key not in self.failed]
         self.limit.begin_report()
         self._finish()
         return self._comparison()
-
-    def _is_over(self) -> bool:
-        """Whether a limit ends the search here, which is noted."""
-        over = self.limit.reached()
-        if over and not self.ended:
-            self.ended = self.limit.sentence
-        return over
 
     def _fit_levels(self) -> None:
         """Fit what matters, level by level: hypotheses with one term, two and more."""
@@ -84,21 +124,21 @@ class Comparing(Hypotheses):
         for name in best.key:
             for form in (one for one, cause in self.cause_of.items() if cause == self.cause_of[name] and one not in best.key):
                 key = tuple(sorted((*(k for k in best.key if k != name), form)))
-                if key in self.screened and key not in self.fitted and key not in self.failed and not self._is_over():
-                    self._fit(key, [self.screened[key][0].model])
+                if key in self.screened and key not in self.fitted and key not in self.failed and not self.limit.reached():
+                    self._fit(key, self.screened[key][0].model)
                 fits += [self.fitted[key]] if key in self.fitted else []
         return fits
 
     def _exchange(self) -> None:
         """Drop each term of the best hypothesis and replace it by others, as long as another becomes the best."""
         for _ in range(FURTHER_TERMS):
-            if self._is_over():
+            if self.limit.reached():
                 return
             best = max(self.fitted.values(), key=self._log_posterior)
             for k in range(len(best.key)):
                 smaller = best.key[:k] + best.key[k + 1 :]
                 if smaller not in self.fitted and smaller not in self.failed:
-                    self._fit(smaller, [without_term(best.model, best.key[k])])
+                    self._fit(smaller, without_term(best.model, best.key[k]))
                 if smaller in self.fitted:
                     self._screen_children(self.fitted[smaller])
             self._fit_plausible(None)
@@ -172,7 +212,7 @@ class Comparing(Hypotheses):
             ]
             if not waiting or count >= most:
                 return count
-            if self._is_over():
+            if self.limit.reached():
                 self.left += [one.key for one in waiting]
                 return 0
             # Fast ones and fewer terms first: what they explain, others need not.
@@ -181,9 +221,7 @@ class Comparing(Hypotheses):
                 self._fit_fast(entry, self.fast)
                 continue
             self._show_open_mass(waiting, terms)
-            self._fit(entry.key, [entry.model])
-            if self._is_over():
-                self.left += [entry.key]  # its fit may have ended early
+            self._fit(entry.key, entry.model)
             done = self.fitted.get(entry.key)
             if done is not None and done.fit is not None:
                 self.estimates.learn(entry.key, done.fit.whitened)
@@ -216,8 +254,12 @@ class Comparing(Hypotheses):
 
     def _nearest_subset(self, key: Key) -> Entry:
         """The fitted hypothesis with one term less that is nearest to the data; the baseline where there is none."""
-        subsets = [one for k in range(len(key)) if (one := self.fitted.get(key[:k] + key[k + 1 :])) and one.has_all_terms]
+        subsets = [one for one in self._subsets(key) if one.has_all_terms]
         return max(subsets, key=self._closeness, default=self.fitted[()])
+
+    def _subsets(self, key: Key) -> list[Entry]:
+        """Fitted hypotheses with one term less."""
+        return [one for k in range(len(key)) if (one := self.fitted.get(key[:k] + key[k + 1 :])) is not None]
 
     def _could_matter(self, entry: Entry, screening: Screening, best: float, terms: int | None) -> bool:
         """Whether a fit could change the probabilities: with the largest gain that estimates allow it comes near the best.
@@ -239,50 +281,56 @@ class Comparing(Hypotheses):
         least = np.inf if explained else self._closeness(nearest)
         return evidence.closed + prior > least or evidence.best + prior > negligible
 
-    def _fit(self, key: Key, starts: Sequence[Hypothesis]) -> None:
+    def _near(self, fitted: Entry) -> dict[str, Signature]:
+        """Effect -> signature beside a fitted hypothesis."""
+        if fitted.key not in self.near:
+            assert fitted.fit is not None and fitted.covariance is not None and fitted.system is not None
+            costly = self.system.costly(fitted.model)
+            usable = self.visible & set(self.table) if costly else self.visible
+            candidates = [c for c in fitted.system.candidates(fitted.model) if not c.reason and c.effect in usable]
+            known = self._signatures(fitted.fit, fitted.covariance, candidates)
+            self.near[fitted.key] = {one.candidate.effect: one for one in known if one.values}
+        return self.near[fitted.key]
+
+    def _is_fast(self, model: Hypothesis) -> bool:
+        """Whether a model takes no more time than others: no slow effect, and no mesh where the baseline needs none."""
+        mesh = self.system.costly(model) and not self.system.costly(self.fitted[()].model)
+        return not mesh and self.slow.isdisjoint(model.effects)
+
+    def _fit(self, key: Key, start: Hypothesis) -> None:
         """Fit a hypothesis from its screening and, where it ends worse than a subset, from that subset."""
         system, covariance = self.fitted[()].system, self.covariance
         assert system is not None
-        subsets = [one for k in range(len(key)) if (one := self.fitted.get(key[:k] + key[k + 1 :])) is not None]
-        best: BestFit | None = None
-        reason = ""
-        for start in starts:
+        subsets = self._subsets(key)
+        fits: list[BestFit] = []
+        reasons: list[str] = []
+
+        def search_from(start: Hypothesis) -> None:
             try:
-                fit = self._refit(start)
+                fits.append(fit_of(system, start, covariance, self._fast_slopes(start)))
             except RunError as error:
-                reason = str(error)
-                continue
-            best = fit if best is None or fit.whitened < best.whitened else best
+                reasons.append(str(error))
+
+        search_from(start)
         least = min((one.fit for one in subsets if one.fit is not None), key=lambda f: f.whitened, default=None)
-        rough = best is not None and self._fast_slopes(best.model) is not None
-        if best is not None and rough and least is not None and best.whitened > least.whitened:
+        if least is not None and fits and fits[0].whitened > least.whitened and self._fast_slopes(fits[0].model) is not None:
             # Without strength the further term leaves what the subset leaves; another search would take as many runs again.
             subset = max((one for one in subsets if one.fit is least), key=self._log_posterior)
             causes = frozenset(self.cause_of[name] for name in key)
             self.fitted[key] = replace(subset, key=key, causes=causes).lowered(self._cost_beyond(subset, key))
             return
-        if least is not None and (best is None or best.whitened > least.whitened):
-            for one in [] if self._is_over() else sorted(subsets, key=lambda one: one.evidence.closed, reverse=True):
-                if (started := self._from_subset(one, key)) is None:
-                    continue
-                try:
-                    fit = self._refit(started)
-                except RunError as error:
-                    reason = reason or str(error)
-                    continue
-                best = fit if best is None or fit.whitened < best.whitened else best
-        if self._is_over() and best is not None and least is not None and best.whitened > least.whitened:
-            self.failed[key] = "its fit had not converged when the search reached its limit"
-            return
-        if best is None:
-            self.failed[key] = reason
+        if least is not None and (not fits or fits[0].whitened > least.whitened):
+            for one in sorted(subsets, key=lambda one: one.evidence.closed, reverse=True):
+                if (started := self._from_subset(one, key)) is not None:
+                    search_from(started)
+        if fits:
+            self.fitted[key] = self._entry(min(fits, key=lambda fit: fit.whitened), system, covariance)
         else:
-            self.fitted[key] = self._entry(best, system, covariance)
+            self.failed[key] = reasons[0]
 
-    def _refit(self, start: Hypothesis) -> BestFit:
-        system = self.fitted[()].system
-        assert system is not None
-        return fit_of(system, start, self.covariance, self._fast_slopes(start), self.limit)
+    def _fast_slopes(self, model: Hypothesis) -> Slopes | None:
+        """Derivatives by fast answers, where those of the simulator are rough."""
+        return None if self.sketch is None or self.sketch.system.exact(model) else self.sketch.slopes
 
     def _from_subset(self, subset: Entry, key: Key) -> Hypothesis | None:
         """The subset at its best, with the term that it lacks at the start of its best trial."""
@@ -295,6 +343,36 @@ class Comparing(Hypotheses):
         start = screen(outside(subset.fit.movable, subset.fit.residual), own).starts[0]
         return subset.model.plus(candidates[0].term, start)
 
+    def _entry(self, fit: BestFit, system: System, covariance: Covariance, *, with_forms: bool = False) -> Entry:
+        """A fitted hypothesis with its evidence."""
+        key = tuple(sorted(term.effect for term in fit.model.terms))
+        covariance = covariance.at(fit.answer)
+        causes = frozenset(self.cause_of[name] for name in key)
+        cost = sum(self._cost(term.effect, len(term.parameters)) for term in fit.model.terms)
+        forms = self._other_forms(fit, covariance, causes, system) if causes and with_forms else None
+        evidence = evidence_of(fit, covariance, cost, forms)
+        return Entry(key, causes, evidence, fit.model, fit, system, covariance)
+
+    def _other_forms(self, fit: BestFit, covariance: Covariance, causes: Causes, system: System) -> np.ndarray | None:
+        """Whitened changes (n, m) of the answer by other forms of the causes that are there; None where there are none.
+
+        They are taken near the model without these causes; where an answer takes the run of a mesh, near the baseline.
+        """
+        columns = []
+        for cause in (cause for cause in causes if self.prior.forms.get(cause, 1) > 1):
+            bare = fit.model
+            for name in [term.effect for term in fit.model.terms]:
+                if system.costly(fit.model) or self.cause_of[name] == cause:
+                    bare = without_term(bare, name)
+            forms = [c for c in system.candidates(bare) if not c.reason and c.cause == cause]
+            columns += [one.secants for one in self._signatures(fit, covariance, forms, bare) if one.values]
+        return np.concatenate(columns, axis=1) if columns else None
+
+    def _signatures(
+        self, fit: BestFit, covariance: Covariance, candidates: Sequence[Candidate], model: Hypothesis | None = None
+    ) -> list[Signature]:
+        return signatures_beside(self.system, self.table, fit, covariance, candidates, model)
+
     def _finish(self) -> None:
         """Weigh the probable hypotheses against model-form errors, each with the numerical error of its own model."""
         entries = sorted(self.fitted.values(), key=self._log_posterior, reverse=True)
@@ -303,7 +381,7 @@ class Comparing(Hypotheses):
         for entry in entries:
             if self._log_posterior(entry) < best + np.log(THRESHOLDS.negligible_probability):
                 break
-            if finished and self.limit.reached():
+            if finished and (self.limit.ended or self.limit.is_late()):
                 break
             assert entry.fit is not None and entry.system is not None and entry.covariance is not None
             system, fit, covariance = entry.system, entry.fit, entry.covariance
@@ -312,7 +390,7 @@ class Comparing(Hypotheses):
                     self.watch(f"numerical error with {' + '.join(entry.key)}", FINISH_PROGRESS)
                     slopes = self._fast_slopes(fit.model)
                     with suppress(OutOfTimeError):  # else with the numerical error of the baseline
-                        system, covariance, fit = with_own_numerics(system, covariance, fit, slopes, self.limit)
+                        system, covariance, fit = with_own_numerics(system, covariance, fit, slopes)
                 self.fitted[entry.key] = self._entry(fit, system, covariance, with_forms=True)
                 finished.append(self.fitted[entry.key])
             except OutOfTimeError:
@@ -331,6 +409,31 @@ class Comparing(Hypotheses):
             except OutOfTimeError:
                 self.screened = before | self.screened
 
+    # ---- numbers ----
+
+    def _cost(self, effect: str, parameters: int) -> float:
+        """Cost of the parameters of a term."""
+        visible = max((one.visible for one in self.at_baseline if one.candidate.effect == effect), default=0.0)
+        return cost_of_term(parameters, self.covariance.effective, visible)
+
+    def _cost_beyond(self, subset: Entry, key: Key) -> float:
+        """Cost of the parameters of the terms that a subset lacks."""
+        terms = {c.effect: len(c.term.parameters) for c in self.library}
+        return sum(self._cost(name, terms[name]) for name in further_effects(key, subset.key))
+
+    def _log_posterior(self, entry: Entry) -> float:
+        return entry.evidence.best + self.prior.log(entry.causes)
+
+    def _closeness(self, entry: Entry) -> float:
+        """Log posterior if the residual is noise: it orders the search, because a smooth residual may be large at little cost."""
+        return entry.evidence.closed + self.prior.log(entry.causes)
+
+    def _is_visible(self, one: Signature) -> bool:
+        """Whether the largest plausible strength could make a cause as probable as a verdict asks for."""
+        forms = self.prior.forms.get(one.candidate.cause, 1)
+        needed = needed_decrease(self.covariance, self.prior.causes, forms, one)
+        return bool(one.values) and one.visible > needed
+
     def _comparison(self) -> ComparedCauses:
         best = max(map(self._log_posterior, self.fitted.values()))  # no estimate is more probable than it
         unfitted = {key: one for key, one in self.screened.items() if key not in self.fitted}
@@ -343,15 +446,5 @@ class Comparing(Hypotheses):
         posterior = posterior_of([(one.causes, one.evidence) for one in entries], self.prior)
         entries.sort(key=self._log_posterior, reverse=True)
         reasons = not_testable(self.library, [one for one in self.at_baseline if one.candidate.effect not in self.visible])
-        return ComparedCauses(
-            self.fitted[()],
-            entries,
-            self.prior,
-            posterior,
-            self.at_baseline,
-            reasons,
-            self.failed,
-            self.cause_of,
-            self.left,
-            self.ended,
-        )
+        compared = ComparedCauses(self.fitted[()], entries, self.prior, posterior, self.at_baseline, reasons, self.failed)
+        return replace(compared, cause_of=self.cause_of, left=self.left, ended=self.limit.ended)

@@ -89,7 +89,7 @@ def close_specimens(
         with stopping.checking(limits.budget.check):
             documents = _SpecimenLoop(dataset, sides, simulator, constants_by, tuple(effects), limits, progress).close()
     finally:
-        simulator.close()
+        simulator.workers.close()
     documents.report.provenance["runs"] = limits.budget.spent
     return documents
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from concurrent.futures.process import BrokenProcessPool
 from functools import lru_cache
 from zlib import crc32
 
@@ -11,6 +10,7 @@ import numpy as np
 
 from explicitfe.fem.materials.yeoh import Yeoh
 from explicitfe.inverse.close_loop.statistics.budget import Budget
+from explicitfe.inverse.close_loop.workers import Workers
 from explicitfe.inverse.measured.curve import Curve, programme_of
 from explicitfe.inverse.predict.correction import Job, Run, kind_of
 from explicitfe.inverse.predict.predict import kernels_of_test, predict_test
@@ -18,9 +18,7 @@ from explicitfe.inverse.predict.reduced import ReducedSpecimen, reduced_specimen
 from explicitfe.inverse.predict.tissue import Numerics, parse_tissue
 from explicitfe.platform.compiled.threads import cores
 from explicitfe.platform.errors import InputError, RunError
-from explicitfe.platform.host import stopping
 from explicitfe.platform.host.compilation import announcing
-from explicitfe.platform.host.worker_pool import WorkerPool
 
 Jobs = tuple[tuple[Curve, ...], tuple[str, ...]]  # a test, and the texts of a tissue and of others that differ from it by little
 
@@ -51,19 +49,10 @@ class Simulator:
     """
 
     def __init__(self, processes: int | None = None, budget: Budget | None = None) -> None:
-        self.processes = min(processes or cores(), cores())
-        self.budget = budget or Budget()
-        self._batch = (0, 0)  # runs that are done, and runs, of the last call of run()
+        self.workers = Workers(min(processes or cores(), cores()), budget)
         self._kept: dict[tuple[str, ...], Run] = {}
         self._asked: set[tuple[str, ...]] = set()  # test and text of each tissue that was computed or tried
         self._reduced: dict[str, ReducedSpecimen | None] = {}
-        self._pool: WorkerPool | None = None
-
-    def close(self) -> None:
-        """End its processes, with what they compute."""
-        if self._pool is not None:
-            self._pool.end()
-            self._pool = None
 
     def run(self, jobs: Sequence[Job], beside: Sequence[Sequence[str]] = (), *, again: bool = False) -> list[Run]:
         """What the curves of each test answer in SI, or why they cannot.
@@ -80,28 +69,10 @@ class Simulator:
             if key not in wanted and (key not in self._kept or (again and others)):
                 wanted[key] = test, (text, *(other for other in others if other != text))
             self._asked |= {(*key[:-1], other) for other in (text, *others)}
-        todo = list(wanted.items())
-        self._batch = 0, len(todo)
-        # The first run is done here: it compiles the kernels, which the other processes then load.
-        if todo and (self._pool is None or len(todo) == 1 or self.processes == 1):
-            self._keep(todo[0][1], _answer(todo[0][1]))
-            todo = todo[1:]
-        if self.processes > 1 and len(todo) > 1 and any(_on_a_mesh(job) for _, job in todo):
-            try:
-                self._pool = self._pool or WorkerPool(self.processes)
-                work = self._pool.map(_answer, [job for _, job in todo], timeout=self.budget.remaining_s())
-                for (_, job), runs in zip(todo, work, strict=True):
-                    self._keep(job, runs)
-                todo = []
-            except (BrokenProcessPool, TimeoutError) as error:  # a script that is read from standard input can start no process
-                if isinstance(error, TimeoutError):
-                    self.close()
-                stopping.check()
-                self._pool, self.processes = None, 1
-                todo = [entry for entry in todo if entry[0] not in self._kept]
-        for _, job in todo:
-            stopping.check()
-            self._keep(job, _answer(job))
+        todo = list(wanted.values())
+        together = self.workers.processes > 1 and len(todo) > 1 and any(map(_on_a_mesh, todo))
+        for job, runs in zip(todo, self.workers.each(_answer, todo, together=together), strict=True):
+            self._keep(job, runs)
         return [self._kept[key] for key in keys]
 
     def known(self, jobs: Sequence[Job]) -> list[Run | None]:
@@ -121,9 +92,6 @@ class Simulator:
         for text, run in zip(texts, runs, strict=True):
             if run is not None:
                 self._kept.setdefault((*map(_identity, test), text), run)
-        done, count = self._batch
-        self._batch = done + 1, count
-        self.budget.spend(f", {done + 1} of {count} of this step" if count > 1 else "")
 
 
 def same_courses(test: Sequence[Curve], other: Sequence[Curve]) -> bool:

@@ -28,12 +28,14 @@ class Budget:
     ----------
     spent : simulations so far.
     watch : called after each of them, with its number in words.
+    ended : which limit has ended the search, in words; "" where it goes on or was completed.
     """
 
     simulations: int | None = None
     minutes: float | None = None
     spent: int = 0
     watch: Callable[[str], object] = lambda words: None
+    ended: str = ""
     _least: int = 0
     _time_share: float = 1.0
     _begin: float = field(default_factory=lambda: time.perf_counter())
@@ -73,15 +75,12 @@ class Budget:
             raise OutOfTimeError(f"the limit of {self.minutes:g} minutes was reached")
 
     def reached(self) -> bool:
-        """Whether the search has to end."""
-        return self.spent >= self.allowed or self.is_late()
-
-    @property
-    def sentence(self) -> str:
-        """Which limit has ended the search, and how to continue."""
+        """Whether the search has to end, which is noted in ``ended``."""
         if self.is_late():
-            return f"the search reached its limit of {self.minutes:g} minutes, so that its result depends on the machine"
-        return f"the search reached its budget of {self.allowed:g} simulations"
+            self.ended = f"the search reached its limit of {self.minutes:g} minutes, so that its result depends on the machine"
+        elif self.spent >= self.allowed:
+            self.ended = f"the search reached its budget of {self.allowed:g} simulations"
+        return bool(self.ended)
 
 
 NO_LIMIT = Budget()

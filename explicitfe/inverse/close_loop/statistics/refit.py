@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import lsq_linear
 
-from explicitfe.inverse.close_loop.statistics.budget import NO_LIMIT, Budget
 from explicitfe.inverse.close_loop.statistics.covariance import Covariance, measured_rows, stack
 from explicitfe.inverse.close_loop.statistics.system import Answer, Answering, Hypothesis, System, steps_of, values_by_name
 from explicitfe.platform.errors import InputError, RunError
@@ -106,7 +105,6 @@ def refit(
     target: np.ndarray | None = None,
     slopes: np.ndarray | None = None,
     renew: Slopes | None = None,
-    limit: Budget = NO_LIMIT,
 ) -> BestFit:
     """The best parameters of a model, by the method of Levenberg and Marquardt inside the bounds; never worse than the start.
 
@@ -117,7 +115,6 @@ def refit(
     slopes : (n, p) SI; derivatives near the start, NaN where they are unknown. They are used where an answer takes the run of a
         mesh, because they save many runs.
     renew : fast derivatives at any model, used in the same way wherever they are taken.
-    limit : where it is reached, the search ends with what it has found.
 
     Raises
     ------
@@ -144,17 +141,17 @@ def refit(
     by_rows: float | None = None
     if rows is not covariance and system.costly(start) and start.terms:
         # Both fits cost, and the second would be thrown away where the first leaves no gross misfit.
-        weighted = _descend(system, position, covariance, y, renew, limit)
+        weighted = _descend(system, position, covariance, y, renew)
         if _misfit(weighted, covariance, y) < small:
             return _best_fit(weighted, covariance, y, None)
-    position = _descend(system, position, rows, y, renew, limit)
+    position = _descend(system, position, rows, y, renew)
     if _misfit(position, alike, y) >= small:
         by_rows = _misfit(position, rows, y)
     elif rows is not covariance:
-        position = _descend(system, position, covariance, y, renew, limit)
+        position = _descend(system, position, covariance, y, renew)
         if _misfit(begin, covariance, y) < _misfit(position, covariance, y):
             # The way by the rows alone led to a worse place than it began at.
-            position = _descend(system, begin, covariance, y, renew, limit)
+            position = _descend(system, begin, covariance, y, renew)
     return _best_fit(position, covariance, y, by_rows)
 
 
@@ -222,9 +219,7 @@ class _Position:
     converged: bool
 
 
-def _descend(
-    system: Answering, position: _Position, covariance: Covariance, y: np.ndarray, renew: Slopes | None, limit: Budget
-) -> _Position:
+def _descend(system: Answering, position: _Position, covariance: Covariance, y: np.ndarray, renew: Slopes | None) -> _Position:
     """The least chi2 downhill from a position."""
     model, answer, slopes, fresh = position.model, position.answer, position.slopes, position.fresh
     exact = system.exact(position.model)
@@ -239,8 +234,6 @@ def _descend(
     included = system.has_slopes(position.model)
     most = MOST_STEPS_WITH_SLOPES if included else MOST_REFIT_STEPS
     for _ in range(most if exact else ROUGH_MOST_STEPS):
-        if limit.reached():
-            break
         J = _jacobian(covariance, y, answer, slopes)
         size = np.maximum(np.linalg.norm(J, axis=0), 1e-12 * max(float(np.linalg.norm(J)), 1e-300))
         step = _step(J / size, r, size * (low - model.x), size * (high - model.x), damping) / size
@@ -401,12 +394,11 @@ def renewed(
     covariance: Covariance,
     times: int = MOST_RENEWALS,
     renew: Slopes | None = None,
-    limit: Budget = NO_LIMIT,
 ) -> tuple[System, BestFit]:
     """A fit with the forward model that is best at its own parameters, which is taken again as they move; and that model."""
     for _ in range(times):
         here = system.at(fit.model)
         if here is system:
             break
-        system, fit = here, refit(here, fit.model, covariance, slopes=fit.slopes, renew=renew, limit=limit)
+        system, fit = here, refit(here, fit.model, covariance, slopes=fit.slopes, renew=renew)
     return system, fit

@@ -86,7 +86,7 @@ def close_trajectories(
         )
         return LoopDocuments(report)
     finally:
-        system.runs.close()
+        system.runs.workers.close()
     shown.enter("trace", 1.0)
     shown.enter("predict", 1.0)
     report.effect_titles |= {name: title_of(name, system.levers) for name in report.effect_titles}

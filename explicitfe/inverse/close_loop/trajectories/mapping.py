@@ -13,7 +13,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from explicitfe.inverse.close_loop.statistics.budget import Budget
 from explicitfe.inverse.close_loop.statistics.covariance import Covariance, measured_rows, stack
 from explicitfe.inverse.close_loop.statistics.refit import BestFit, derivatives, fit_at, refit
 from explicitfe.inverse.close_loop.statistics.system import Answer, Hypothesis, Parameter, Series, steps_of
@@ -109,7 +108,7 @@ def map_answers(recordings: Recordings, emulator: Emulator, model: Hypothesis) -
 
 
 def fit_by_mapping(
-    recordings: Recordings, emulator: Emulator, start: Hypothesis, covariance: Covariance, limit: Budget
+    recordings: Recordings, emulator: Emulator, start: Hypothesis, covariance: Covariance
 ) -> tuple[BestFit, MappedAnswers]:
     """The best parameters of a model, never worse than the start, and fast answers that are exact there.
 
@@ -140,7 +139,7 @@ def fit_by_mapping(
         if stale and (converged or (slopes is None and not worthwhile)):
             slopes, taken, share = slopes_of_runs(best[0]), least, 1.0
             proposed, converged = _next_model(best[0], slopes, covariance, least)
-        if converged or share < LEAST_SHARE_OF_STEP or limit.reached():
+        if converged or share < LEAST_SHARE_OF_STEP:
             break
         model = best[0].model.at(best[0].model.x + share * (proposed.x - best[0].model.x))
     assert best is not None

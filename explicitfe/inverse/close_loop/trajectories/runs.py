@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -16,11 +15,11 @@ from explicitfe.fem.mesh.muscle_lines import locate_in_mesh
 from explicitfe.fem.solve.transient import Transient
 from explicitfe.inverse.close_loop.statistics.budget import Budget
 from explicitfe.inverse.close_loop.trajectories.emulator import Emulator
+from explicitfe.inverse.close_loop.workers import Workers
 from explicitfe.inverse.measured.curve import Curve
 from explicitfe.platform.errors import InputError, RunError
 from explicitfe.platform.host import stopping
 from explicitfe.platform.host.compilation import announcing
-from explicitfe.platform.host.worker_pool import WorkerPool
 from explicitfe.simulate.anatomy import catalogue
 from explicitfe.simulate.run.prepare import prepare
 from explicitfe.simulate.scenario.read import read_transient
@@ -191,45 +190,18 @@ class Runs:
     def __init__(self, path: Path, sites: Sites, processes: int = 1, budget: Budget | None = None) -> None:
         self.path = path
         self.sites = sites
-        self.processes = processes
-        self.budget = budget or Budget()
+        self.workers = Workers(processes, budget)
         self._kept: dict[Job, Run] = {}
         self.emulator: Emulator | None = None  # fast answers, once the candidates have been screened
-        self._pool: WorkerPool | None = None
-
-    def close(self) -> None:
-        """End its processes, with what they compute."""
-        if self._pool is not None:
-            self._pool.end()
-            self._pool = None
 
     def of(self, jobs: Iterable[Job]) -> list[Run]:
         """SensorMotion of the sites in each job, or why it cannot be computed."""
         jobs = list(jobs)
         todo = list(dict.fromkeys(job for job in jobs if job not in self._kept))
-        # The first run is done here: it compiles the kernels, which the other processes then load.
-        if todo and not self._kept:
-            self._keep(todo[0], _run_job(self.path, self.sites, todo[0]))
-            del todo[0]
-        if self.processes > 1 and len(todo) > 1:
-            try:
-                self._pool = self._pool or WorkerPool(self.processes)
-                same = [self.path] * len(todo), [self.sites] * len(todo)
-                for job, run in zip(todo, self._pool.map(_run_job, *same, todo, timeout=self.budget.remaining_s()), strict=True):
-                    self._keep(job, run)
-            except (BrokenProcessPool, TimeoutError) as error:  # a script that is read from standard input can start no process
-                if isinstance(error, TimeoutError):
-                    self.close()
-                stopping.check()
-                self._pool, self.processes = None, 1
-        for job in todo:
-            if job not in self._kept:
-                self._keep(job, _run_job(self.path, self.sites, job))
+        work = self.workers.each(partial(_run_job, self.path, self.sites), todo)
+        for job, run in zip(todo, work, strict=True):
+            self._kept[job] = run
         return [self._kept[job] for job in jobs]
-
-    def _keep(self, job: Job, run: Run) -> None:
-        self._kept[job] = run
-        self.budget.spend()
 
 
 @cache

@@ -228,13 +228,13 @@ class Trajectories(Recordings):
             answers.append(self.by_columns(seen))
         return answers
 
-    def fit_by_mapping(self, start: Hypothesis, covariance: Covariance, limit: Budget) -> BestFit | None:
+    def fit_by_mapping(self, start: Hypothesis, covariance: Covariance) -> BestFit | None:
         """The fit of a model by corrected fast answers; None where there are none."""
         emulator = self.runs.emulator
         known = emulator is not None and all(map(self.has_sketch, start.effects))
         if emulator is None or not known:
             return None
-        fit, self.mapped[start.effects] = fit_by_mapping(self, emulator, start, covariance, limit)
+        fit, self.mapped[start.effects] = fit_by_mapping(self, emulator, start, covariance)
         return fit
 
     def beside(self, fit: BestFit) -> MappedAnswers | None:

@@ -107,6 +107,8 @@ def compare_recording(
     InputError : a point or a sensor does not exist, the two have fewer than three rows in common, or the result is no transient
         run.
     """
+    if not isinstance(mapping, Mapping) or not all(isinstance(name, str) for pair in mapping.items() for name in pair):
+        raise InputError("`mapping` must name a sensor for each point, such as {'tip': 'T1'}.")
     if not mapping:
         raise InputError("`mapping` is missing; map at least one point to a sensor, such as `mapping` tip=T1.")
     coils = recording if isinstance(recording, Coils) else read_coils(export_file(recording))

@@ -195,6 +195,8 @@ def _columns(of: Sequence[str] | None) -> tuple[str, ...] | None:
     """The measures that are wanted; refused where they depend on more than positions."""
     if of is None:
         return None
+    if isinstance(of, str) or not all(isinstance(name, str) for name in of):
+        raise InputError("gradient: `of` must be a list of measures, such as ['points.tip.up_mm'].")
     for name in of:
         part, _, tail = name.partition(".")
         if part not in FROM_POSITIONS:

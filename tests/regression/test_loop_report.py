@@ -471,7 +471,7 @@ def test_the_headline_of_a_search_that_was_cut_off_says_so():
     report = {"verdict": "effect-found", "effects": ["tilt"], "causes": {"tilt": cause(0.997)}, "fitted": 45, "compared": 98}
     found = "The model lacks tilt (probability > 0.99"
     assert headline(LoopReport.model_validate(report)) == f"{found})"
-    among = "among the 45 of 98 hypotheses that were fitted before the time limit"
+    among = "among the 45 of 98 hypotheses that were fitted before the limit"
     assert headline(LoopReport.model_validate(report | {"cut_off": True})) == f"{found} {among})"
     nothing = LoopReport(verdict="no-missing-effect", cut_off=True, fitted=45, compared=98)  # it has no probability of its own
     assert headline(nothing) == f"Nothing is missing that these data could show ({among})"

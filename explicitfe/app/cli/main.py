@@ -40,7 +40,9 @@ def main() -> None:
 
 def _confirm_stop(stop_signal: signal.Signals) -> None:
     """Confirm the first signal; os.write is safe inside a signal handler."""
-    sentence = f"\n{stopping.described(stop_signal)}: stopping as soon as all files are complete; press Ctrl-C again to quit now\n"
+    sentence = (
+        f"\n{stopping.described(stop_signal)}: stopping as soon as all files are complete; press Ctrl-C again to quit now\n"
+    )
     os.write(STDERR_DESCRIPTOR, sentence.encode())
 
 

@@ -220,7 +220,6 @@ def _system(path: Path, protocol: ProtocolFile, simulator: Simulator) -> Specime
 
 
 def _model(system: Specimens, protocol: ProtocolFile) -> Hypothesis:
-    """The elastic model at the expected constants."""
     start = system.start()
     values = [getattr(protocol.constants, p.name) for p in start.parameters]
     return start.at(np.array([p.sought.coordinate(v) for p, v in zip(start.parameters, values, strict=True)]))

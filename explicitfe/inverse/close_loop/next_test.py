@@ -73,7 +73,6 @@ def survivors(system: Specimens, comparison: ComparedCauses) -> list[Survivor]:
 
 
 def _survivor(entry: Entry, probability: float) -> Survivor:
-    """A set of causes with the parameters of its best form."""
     assert entry.fit is not None
     precision = entry.fit.jacobian.T @ entry.fit.jacobian
     for k, term in zip(_starts(entry.model), entry.model.terms, strict=True):

@@ -78,7 +78,6 @@ def _features(curves: Sequence[Curve]) -> set[str]:
 
 
 def _place_of(sensor: Sensor) -> str:
-    """Where a sensor sits, in words."""
     if sensor.at_m is None:
         return sensor.point
     x, y, z = 1e3 * sensor.at_m

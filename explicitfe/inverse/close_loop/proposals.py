@@ -190,7 +190,6 @@ def _with(curve: Curve, **conditions: str) -> Curve:
 
 
 def _load(curve: Curve) -> float:
-    """The largest distance from rest."""
     return float(distance_from_rest(curve, programme_of(curve)).max())
 
 

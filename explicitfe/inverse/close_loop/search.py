@@ -344,7 +344,6 @@ class Comparing:
         return subset.model.plus(candidates[0].term, start)
 
     def _entry(self, fit: BestFit, system: System, covariance: Covariance, *, with_forms: bool = False) -> Entry:
-        """A fitted hypothesis with its evidence."""
         key = tuple(sorted(term.effect for term in fit.model.terms))
         covariance = covariance.at(fit.answer)
         causes = frozenset(self.cause_of[name] for name in key)
@@ -412,7 +411,6 @@ class Comparing:
     # ---- numbers ----
 
     def _cost(self, effect: str, parameters: int) -> float:
-        """Cost of the parameters of a term."""
         visible = max((one.visible for one in self.at_baseline if one.candidate.effect == effect), default=0.0)
         return cost_of_term(parameters, self.covariance.effective, visible)
 

@@ -226,7 +226,6 @@ def _keep_a_repeat(kept: list[Curve], fitted: Sequence[Curve]) -> None:
 
 
 def _family(curve: Curve) -> Family:
-    """What makes tests of another kind or size."""
     return _kind(curve), _size(curve)
 
 
@@ -245,7 +244,6 @@ def _size(curve: Curve) -> Size:
 
 
 def _programme(curve: Curve) -> Programme:
-    """How far a programme goes, and how fast."""
     moved = programme_of(curve) - (1.0 if curve.imposed == "stretch" else 0.0)
     far = float(moved[np.argmax(np.abs(moved))])
     moving = np.abs(moved) < FULL_LOAD_SHARE * abs(far)

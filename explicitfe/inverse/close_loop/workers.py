@@ -19,7 +19,7 @@ class Workers:
 
     Parameters
     ----------
-    budget : counts the simulations.
+    budget : its limit on the time ends them too.
     """
 
     def __init__(self, processes: int, budget: Budget | None = None) -> None:
@@ -36,13 +36,13 @@ class Workers:
         """Results of jobs in their order; ``together`` computes them in worker processes, which is worth their time on a mesh."""
         done = 0
         if jobs and (self._pool is None or len(jobs) == 1):
-            yield self._counted(compute(jobs[0]), done, jobs)
+            yield compute(jobs[0])
             done = 1
         if self.processes > 1 and together and len(jobs) - done > 1:
             try:
                 self._pool = self._pool or WorkerPool(self.processes)
                 for run in self._pool.map(compute, jobs[done:], timeout=self.budget.remaining_s()):
-                    yield self._counted(run, done, jobs)
+                    yield run
                     done += 1
             except (BrokenProcessPool, TimeoutError) as error:  # a script that is read from standard input can start no process
                 if isinstance(error, TimeoutError):
@@ -51,9 +51,4 @@ class Workers:
                 self._pool, self.processes = None, 1
         for job in jobs[done:]:
             stopping.check()
-            yield self._counted(compute(job), done, jobs)
-            done += 1
-
-    def _counted(self, run: Run, done: int, jobs: Sequence[Job]) -> Run:
-        self.budget.spend(f", {done + 1} of {len(jobs)} of this step" if len(jobs) > 1 else "")
-        return run
+            yield compute(job)

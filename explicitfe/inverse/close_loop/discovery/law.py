@@ -222,7 +222,6 @@ def _strengths(model: Hypothesis) -> list[int]:
 
 
 def _parameter(name: str, value: float, start: Hypothesis) -> Parameter:
-    """A coefficient that is fitted."""
     return Parameter(f"{LAW}.{name}", Sought((value,), 0.0, LARGEST_COEFFICIENT_RATIO * start.base[0].start), value)
 
 

@@ -270,7 +270,6 @@ class _SpecimenLoop:
         return next_tests(system, causes, outcome.final.covariance, self.dataset.rig or RigLimits())
 
     def _warnings(self, report: LoopReport, before: Entry, after: Entry) -> list[str]:
-        """What a reader should know, in sentences."""
         notes = []
         for stage, fit in (("before", before.fit), ("after", after.fit)):
             assert fit is not None

@@ -134,7 +134,6 @@ def _sizes(by: str, curves: Sequence[Curve]) -> list[tuple[str, str, float]]:
 
 
 def _name(curve: Curve, by: str) -> str:
-    """The specimen that a curve was measured on."""
     return curve.group if by == "group" else str(curve.conditions[by])
 
 

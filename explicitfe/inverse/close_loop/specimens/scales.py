@@ -78,7 +78,6 @@ def scales_of(curves: Sequence[Curve], C10: float, C20: float) -> Scales:
 
 
 def _of_strain(strain: np.ndarray, stress_Pa: np.ndarray, duration_s: float) -> dict[str, float]:
-    """Sizes in a test of strain and stress."""
     largest_strain, largest_Pa = float(np.abs(strain).max()), float(np.abs(stress_Pa).max())
     return {
         "strain": largest_strain,
@@ -89,7 +88,6 @@ def _of_strain(strain: np.ndarray, stress_Pa: np.ndarray, duration_s: float) -> 
 
 
 def _enlarge(scales: dict[str, float], sizes: dict[str, float]) -> None:
-    """Keep the larger of each size."""
     scales |= {key: max(scales.get(key, value), value) for key, value in sizes.items()}
 
 

@@ -92,6 +92,7 @@ class Simulator:
         for text, run in zip(texts, runs, strict=True):
             if run is not None:
                 self._kept.setdefault((*map(_identity, test), text), run)
+        self.workers.budget.spend()
 
 
 def same_courses(test: Sequence[Curve], other: Sequence[Curve]) -> bool:

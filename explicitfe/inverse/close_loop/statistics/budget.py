@@ -40,10 +40,10 @@ class Budget:
     _time_share: float = 1.0
     _begin: float = field(default_factory=lambda: time.perf_counter())
 
-    def spend(self, of_batch: str = "") -> None:
+    def spend(self) -> None:
         """Count a simulation."""
         self.spent += 1
-        self.watch(f"simulation {self.spent}{of_batch}")
+        self.watch(f"simulation {self.spent}")
 
     def begin_fits(self) -> None:
         """Note that the baseline and the screening are done: fits may take as many simulations again, whatever the budget."""

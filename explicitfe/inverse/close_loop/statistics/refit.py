@@ -182,7 +182,6 @@ def _computable(system: Answering, model: Hypothesis) -> tuple[Hypothesis, np.nd
 
 
 def _misfit(at: _Position, covariance: Covariance, y: np.ndarray) -> float:
-    """The whitened sum of squares."""
     return float(np.sum(covariance.at(at.answer).whiten(y - at.answer) ** 2))
 
 

@@ -215,7 +215,6 @@ def _of_markers(system: Trajectories, sides: Split) -> list[str]:
 
 
 def _warnings(sides: Split, before: BestFit, after: BestFit) -> list[str]:
-    """What a reader should know, in sentences."""
     notes = [*bound_warnings("before", before), *bound_warnings("after", after)]
     if not sides.holdout:
         notes.append("no curve is held out; the errors are those of fitted curves.")

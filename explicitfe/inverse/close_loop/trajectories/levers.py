@@ -189,7 +189,6 @@ def _of_tissue(test: Experiment) -> dict[str, Lever]:
 
 
 def _bones(scenario: TransientScenario) -> list[str]:
-    """Bones that the scenario has, and those that its model could have."""
     model = scenario.model.name
     known = [name for name in SIDE_OF_BONE if model and name in catalogue.bones(model)]
     return list(dict.fromkeys([*known, *(table.name for table in scenario.bone)]))

@@ -201,6 +201,7 @@ class Runs:
         work = self.workers.each(partial(_run_job, self.path, self.sites), todo)
         for job, run in zip(todo, work, strict=True):
             self._kept[job] = run
+            self.workers.budget.spend()
         return [self._kept[job] for job in jobs]
 
 

@@ -319,7 +319,6 @@ class Trajectories(Recordings):
 
     @cached_property
     def _other_element(self) -> Settings:
-        """The setting of another element."""
         return (f"model.element={OTHER_ELEMENT[self.scenario.model.element]}",)
 
     @cached_property

@@ -152,7 +152,7 @@ def test_without_effects():
 
 def test_a_search_that_ends_at_its_budget(monkeypatch):
     """Hypotheses that were not fitted keep their estimates, which are exact for a linear system, and are named."""
-    monkeypatch.setattr(Budget, "allowed", property(lambda self: np.inf if self.simulations is None else 0))
+    monkeypatch.setattr(Budget, "capacity", property(lambda self: np.inf if self.simulations is None else 0))
     system = holding(3, {"bump-3": 0.1, "bump-7": 0.03})
     whole, _ = compared(system)
     ended, outcome = compared(system, simulations=1)
@@ -170,7 +170,7 @@ def fits_before_the_limit(monkeypatch, count: int) -> None:
     fit = Comparing._fit
     monkeypatch.setattr(Comparing, "_fit", lambda self, *given: (done.append(given), fit(self, *given)))
     limited = property(lambda self: 0 if self.simulations is not None and len(done) >= count else np.inf)
-    monkeypatch.setattr(Budget, "allowed", limited)
+    monkeypatch.setattr(Budget, "capacity", limited)
 
 
 def test_a_hypothesis_that_the_limit_left_is_not_ruled_out(monkeypatch):
@@ -220,7 +220,7 @@ def test_a_budget_leaves_fits_as_many_simulations_as_the_preparation():
     for _ in range(50):
         budget.spend()
     budget.begin_fits()
-    assert budget.allowed == 100 and not budget.reached()
+    assert budget.capacity == 100 and not budget.reached()
     for _ in range(50):
         budget.spend()
     assert budget.reached() and not Budget().reached()

@@ -80,13 +80,13 @@ def test_a_moved_head_costs_no_run(tmp_path: Path) -> None:
     system = trajectory_system(dataset, dataset.curves, only=("registration",))
     start = system.start()
     before = np.concatenate(system.answers([start])[0] or [])
-    count = system.runs.count
+    count = system.runs.workers.budget.spent
     (candidate,) = system.candidates(start)
     moved = system.answers([start.plus(candidate.term, (0.0, 2.0, 0.0))])[0]
     vertical = np.concatenate([np.full(len(one.measured), one.id.endswith(" z")) for one in system.series])
     assert moved is not None
     assert np.abs(np.concatenate(moved) - before - 2e-3 * vertical).max() < 1e-12
-    assert system.runs.count == count
+    assert system.runs.workers.budget.spent == count
 
 
 def test_the_registration_is_recovered(tmp_path: Path) -> None:

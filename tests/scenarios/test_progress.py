@@ -15,7 +15,7 @@ from explicitfe.app.view.progress import STAGES, following
 from explicitfe.platform.errors import Share, Stage, counted
 from explicitfe.platform.host.compilation import announce
 
-REPORTS = ("progress", "_progress", "_enter", "_show")  # what a module calls with a stage
+REPORTS = ("progress", "_progress", "enter", "_show")  # what a module calls with a stage
 
 
 def reported_stages() -> set[str]:

@@ -9,7 +9,7 @@ import numpy as np
 from explicitfe.inverse.close_loop.statistics.budget import Budget, OutOfTimeError
 from explicitfe.platform.errors import Progress, Share, Stage
 
-USUAL_RUNS = 20.0  # simulations of each test in one step
+RUNS_OF_A_STEP = 20.0  # simulations of each test in one step
 
 
 class SearchProgress:
@@ -20,7 +20,7 @@ class SearchProgress:
     usual_runs : simulations of one step.
     """
 
-    def __init__(self, progress: Progress, budget: Budget, usual_runs: float = USUAL_RUNS) -> None:
+    def __init__(self, progress: Progress, budget: Budget, usual_runs: float = RUNS_OF_A_STEP) -> None:
         self._progress, self._budget, self._usual_runs = progress, budget, usual_runs
         self._stage: Stage = "trace"
         self._shown: dict[Stage, float] = {}

@@ -15,7 +15,7 @@ from explicitfe.inverse.close_loop.comparison import compare
 from explicitfe.inverse.close_loop.discovery.report import add_discovered_law
 from explicitfe.inverse.close_loop.evidence import cost_of_term
 from explicitfe.inverse.close_loop.next_test import next_tests, survivors
-from explicitfe.inverse.close_loop.progress import USUAL_RUNS, SearchProgress
+from explicitfe.inverse.close_loop.progress import RUNS_OF_A_STEP, SearchProgress
 from explicitfe.inverse.close_loop.report import (
     SIGNIFICANT_P,
     LoopDocuments,
@@ -109,7 +109,7 @@ class _SpecimenLoop:
     ) -> None:
         self.dataset, self.sides, self.simulator, self.limits = dataset, sides, simulator, limits
         self.system = Specimens(dataset, sides.fit, simulator, CORRECTED, constants_by, effects)
-        self.progress = SearchProgress(progress, limits.budget, USUAL_RUNS * len(self.system.tests))
+        self.progress = SearchProgress(progress, limits.budget, RUNS_OF_A_STEP * len(self.system.tests))
         self.omitted: list[str] = []  # what was not computed, because the limit on the time was reached
 
     # ---- the loop ----

@@ -54,7 +54,7 @@ class Budget:
         self._time_share = REPORT_TIME_SHARE
 
     @property
-    def allowed(self) -> float:
+    def capacity(self) -> float:
         """Number of simulations after which the search ends."""
         return float("inf") if self.simulations is None else max(self.simulations, self._least)
 
@@ -78,8 +78,8 @@ class Budget:
         """Whether the search has to end, which is noted in ``ended``."""
         if self.is_late():
             self.ended = f"the search reached its limit of {self.minutes:g} minutes, so that its result depends on the machine"
-        elif self.spent >= self.allowed:
-            self.ended = f"the search reached its budget of {self.allowed:g} simulations"
+        elif self.spent >= self.capacity:
+            self.ended = f"the search reached its budget of {self.capacity:g} simulations"
         return bool(self.ended)
 
 

@@ -231,11 +231,10 @@ class Comparing:
         """Show the probability of the hypotheses to be fitted, by their estimates; further levels take as long as one before."""
         fitted, others = (logsumexp([self._log_posterior(one) for one in own]) for own in (self.fitted.values(), waiting))
         mass = float(expit(others - fitted))
-        done = max(
-            1.0 - 0.5 ** (terms or self.max_effects + FURTHER_TERMS) * (1.0 + mass),
-            self.limit.spent / self.limit.capacity,
+        left = min(
+            0.5 ** (terms or self.max_effects + FURTHER_TERMS) * (1.0 + mass), 1.0 - self.limit.spent / self.limit.capacity
         )
-        share = FITS_PROGRESS + (FINISH_PROGRESS - FITS_PROGRESS) * min(done, 1.0)
+        share = FINISH_PROGRESS - (FINISH_PROGRESS - FITS_PROGRESS) * max(left, 0.0)
         self.watch(f"fit {len(self.fitted)}, {len(waiting)} hypotheses with {100.0 * mass:.0f} % of the probability open", share)
 
     def _fit_fast(self, entry: Entry, fast: FastFits) -> None:

@@ -11,7 +11,7 @@ from command import command
 from test_close_loop import written
 
 from explicitfe.app.api.inverse import close_loop, design_test
-from explicitfe.inverse.close_loop.information import Foretold, bhattacharyya, entropy_bits, expected_bits, separation
+from explicitfe.inverse.close_loop.next_test import Foretold, bhattacharyya, entropy_bits, expected_bits, separation
 from explicitfe.inverse.close_loop.proposals import LOAD_FACTOR, PACE_FACTOR, proposals, room_of
 from explicitfe.inverse.measured.curve import programme_of
 from explicitfe.inverse.measured.read import read_dataset

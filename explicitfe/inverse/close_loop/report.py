@@ -9,9 +9,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from explicitfe.fem.effects import EFFECTS
-from explicitfe.inverse.close_loop import words
 from explicitfe.inverse.close_loop.compared import ComparedCauses, Entry
+from explicitfe.inverse.close_loop.evidence import Causes
 from explicitfe.inverse.close_loop.split import Split
+from explicitfe.inverse.close_loop.statistics.covariance import Covariance, outside
 from explicitfe.inverse.close_loop.statistics.intervals import intervals, intervals_beside_a_misfit, widened
 from explicitfe.inverse.close_loop.statistics.refit import BOUND_SHARE, BestFit
 from explicitfe.inverse.close_loop.statistics.signatures import Signature
@@ -38,7 +39,7 @@ from explicitfe.results.documents.loop_report import (
 )
 from explicitfe.results.documents.motion_report import MovingMarkers
 from explicitfe.results.documents.report_part import Side
-from explicitfe.results.documents.verdict_text import sentence
+from explicitfe.results.documents.verdict_text import JOINED_BY, NOTHING, sentence
 
 SUMMARY = "report.json"
 # An error with several independent parts has a column for each, whose names differ in this.
@@ -55,6 +56,14 @@ MOST_NAMED = 5
 ALIKE_SHARE = 0.05
 # A residual with a smaller p-value is no noise, and widens the intervals.
 SIGNIFICANT_P = 0.01
+# The report names at most this many parts of the data: those with the largest misfit.
+NAMED_PARTS = 3
+# The first fifth of a test is called early, the last late; the lowest quarter of the load low, the highest high.
+EARLY_SHARE, LOW_LOAD_SHARE = 0.2, 0.25
+# A part is named if its mean square exceeds that of all rows by this factor, and if it is no smaller share of them than this.
+CONCENTRATED_FACTOR, SMALLEST_PART_SHARE = 1.5, 0.05
+# Causes with several forms; the name of a cause is that of its usual form.
+CAUSES = {"viscoelastic": "relaxation", "stiffness-gradient": "stiffness that changes with depth"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,7 +116,7 @@ def add_outcome(report: LoopReport, outcome: Outcome) -> None:
     report.effects = list(outcome.effects) if named else []
     report.nearest = list(outcome.effects) if outcome.verdict == "unexplained" else []
     report.ambiguous_with = list(outcome.undecided)
-    report.credible = [words.set_in_words(causes) for causes in outcome.credible] if outcome.verdict == "ambiguous" else []
+    report.credible = [set_in_words(causes) for causes in outcome.credible] if outcome.verdict == "ambiguous" else []
     report.posterior = comparison.posterior.by_words
     report.something_else = comparison.posterior.something_else
     report.causes = _causes(comparison)
@@ -115,11 +124,11 @@ def add_outcome(report: LoopReport, outcome: Outcome) -> None:
     report.compared = len(comparison.entries)
     report.fitted = sum(one.fit is not None for one in comparison.entries)
     effects = {name for one in report.hypotheses for name in one.effects} | set(report.causes) | set(comparison.not_testable)
-    report.effect_titles = {name: words.title(name) for name in sorted(effects)}
+    report.effect_titles = {name: title_of(name) for name in sorted(effects)}
     lack = final.evidence.lack
     report.lack_of_fit = ReportedLackOfFit(chi2=lack.chi2, free=lack.free, p=lack.p)
     report.discrepancy = float(np.sqrt(max(lack.chi2 - lack.free, 0.0) / max(covariance.effective, 1.0)))
-    report.remainder_where = words.where(fit, covariance) if outcome.remainder == "unexplained" else ""
+    report.remainder_where = where_concentrated(fit, covariance) if outcome.remainder == "unexplained" else ""
     report.n_eff = covariance.effective
     report.noise = _noise(final)
     report.baseline = ReportedModel(parameters=parameters(comparison.baseline, []))
@@ -169,7 +178,7 @@ def _causes(comparison: ComparedCauses) -> dict[str, ReportedCause]:
         }
         usual = min(strengths, key=lambda name: (name != cause, name), default=None)
         reported[cause] = ReportedCause(
-            title=words.title_of_cause(cause),
+            title=title_of_cause(cause),
             decision=decision_on(p),
             probability=p,
             forms=forms,
@@ -180,7 +189,7 @@ def _causes(comparison: ComparedCauses) -> dict[str, ReportedCause]:
     for effect, reason in comparison.not_testable.items():
         cause = comparison.cause_of.get(effect, effect)
         if cause not in reported:
-            reported[cause] = ReportedCause(title=words.title_of_cause(cause), decision="not-testable", reason=reason)
+            reported[cause] = ReportedCause(title=title_of_cause(cause), decision="not-testable", reason=reason)
     return reported
 
 
@@ -348,3 +357,52 @@ def bound_warnings(stage: str, fit: BestFit) -> list[str]:
     """A sentence that names the parameters at a bound, if there are any."""
     names = ", ".join(dict.fromkeys(fit.at_bound))
     return [f"{stage}: {names} reached a bound; the data favour values beyond it or do not determine it."] if names else []
+
+
+def title_of(effect: str) -> str:
+    """An effect in words."""
+    return EFFECTS[effect].about.title if effect in EFFECTS else effect.replace("-", " ")
+
+
+def title_of_cause(cause: str) -> str:
+    """A cause in words."""
+    return CAUSES.get(cause) or title_of(cause)
+
+
+def set_in_words(causes: Causes) -> str:
+    """A set of causes as a key of the posterior."""
+    return JOINED_BY.join(sorted(causes)) or NOTHING
+
+
+def where_concentrated(fit: BestFit, covariance: Covariance) -> str:
+    """Where the residual is concentrated: in which phase, early or late, at low or high load, in which curves."""
+    # The square of what the constants cannot explain, row by row.
+    squares = outside(fit.movable, fit.residual) ** 2
+    early, low = EARLY_SHARE, LOW_LOAD_SHARE
+    parts: dict[str, np.ndarray] = {}
+    for one, part in zip(covariance.series, covariance.slices(), strict=True):
+        load, duration = np.abs(one.measured), one.time_s[-1]
+        masks = {
+            **{f"in {name}": one.phase == name for name in ("loading", "unloading")},
+            "in the hold": one.phase == "hold",
+            "early": one.time_s < early * duration,
+            "late": one.time_s > (1.0 - early) * duration,
+            "at low load": load < low * load.max(),
+            "at high load": load > (1.0 - low) * load.max(),
+            f"in curve {one.id}": np.ones(len(load), dtype=bool),
+        }
+        for name, mask in masks.items():
+            whole = parts.setdefault(name, np.zeros(len(squares), dtype=bool))
+            whole[part] |= mask
+    mean = float(squares.mean())
+    smallest = SMALLEST_PART_SHARE
+    concentrated = [
+        (float(squares[mask].mean()) / mean, name)
+        for name, mask in parts.items()
+        if smallest * len(squares) <= mask.sum() < (1.0 - smallest) * len(squares)
+        and squares[mask].mean() > CONCENTRATED_FACTOR * mean
+    ]
+    if not concentrated:
+        return "The residual is spread over all curves."
+    words = [f"{name} ({times:.1f} times the mean)" for times, name in sorted(concentrated, reverse=True)[:NAMED_PARTS]]
+    return f"The residual is largest {', '.join(words)}."

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import Protocol, Self
 
 import numpy as np
 
@@ -11,9 +11,6 @@ from explicitfe.fem.effects import EFFECTS, Effect
 from explicitfe.inverse.close_loop.statistics.covariance import stack
 from explicitfe.inverse.close_loop.statistics.system import Answer, Candidate, Hypothesis
 from explicitfe.inverse.predict.tissue import Numerics
-
-if TYPE_CHECKING:
-    from explicitfe.inverse.close_loop.specimens.specimens import Specimens
 
 # With which tests are planned and candidates are tried, by differences of answers; ramps have the instants of the search.
 COARSE = Numerics(refinement=0.4, density=0.4, tolerance=5e-4, section=0.4, finer=1.0)
@@ -25,7 +22,31 @@ WEAK_SHARE = 0.01
 TRIED_SHARES = (1.0, 0.5, 0.25, 0.1)
 
 
-def changes_by_trials(specimens: Specimens, model: Hypothesis, candidates: Sequence[Candidate]) -> list[list[np.ndarray | None]]:
+class Trying(Protocol):
+    """What trials ask of tests of specimens, see :class:`explicitfe.inverse.close_loop.specimens.specimens.Specimens`."""
+
+    @property
+    def homogeneous(self) -> bool: ...
+
+    @property
+    def numerics(self) -> Numerics: ...
+
+    def pointwise(self, model: Hypothesis) -> bool: ...
+
+    def exact(self, model: Hypothesis) -> bool: ...
+
+    def has_sketch(self, effect: str) -> bool: ...
+
+    def sketched(self, models: Sequence[Hypothesis]) -> list[Answer | None]: ...
+
+    def answers(self, models: Sequence[Hypothesis], *, with_slopes: bool = True) -> list[Answer | None]: ...
+
+    def beside(self, model: Hypothesis, others: Sequence[Hypothesis]) -> list[Answer | None]: ...
+
+    def with_numerics(self, numerics: Numerics) -> Self: ...
+
+
+def changes_by_trials(specimens: Trying, model: Hypothesis, candidates: Sequence[Candidate]) -> list[list[np.ndarray | None]]:
     """Change (n,) SI of the prediction by each trial, by differences on one mesh.
 
     A trial that follows whole histories is compared with the same effect without strength, because a model without history
@@ -39,7 +60,7 @@ def changes_by_trials(specimens: Specimens, model: Hypothesis, candidates: Seque
     return _simulated_changes(specimens, model, candidates)
 
 
-def _sketched_changes(specimens: Specimens, model: Hypothesis, candidates: Sequence[Candidate]) -> list[list[np.ndarray | None]]:
+def _sketched_changes(specimens: Trying, model: Hypothesis, candidates: Sequence[Candidate]) -> list[list[np.ndarray | None]]:
     """As :func:`changes_by_trials`, by the reduced specimens."""
     bare = Hypothesis(model.base, (), model.x[: len(model.base)])
     bases = [model if EFFECTS[one.effect].extends else bare for one in candidates for _ in one.trials]
@@ -51,10 +72,10 @@ def _sketched_changes(specimens: Specimens, model: Hypothesis, candidates: Seque
     return [[next(changes) for _ in one.trials] for one in candidates]
 
 
-def _simulated_changes(specimens: Specimens, model: Hypothesis, candidates: Sequence[Candidate]) -> list[list[np.ndarray | None]]:
+def _simulated_changes(specimens: Trying, model: Hypothesis, candidates: Sequence[Candidate]) -> list[list[np.ndarray | None]]:
     """As :func:`changes_by_trials`, by the simulator."""
     plain = _without_history(specimens, model)
-    jobs: list[tuple[Specimens, Hypothesis, Hypothesis]] = []
+    jobs: list[tuple[Trying, Hypothesis, Hypothesis]] = []
     for one in candidates:
         effect = EFFECTS[one.effect]
         pointwise = specimens.homogeneous and effect.pointwise and specimens.pointwise(model)
@@ -91,7 +112,7 @@ def _simulated_changes(specimens: Specimens, model: Hypothesis, candidates: Sequ
     return [[next(columns) for _ in one.trials] for one in candidates]
 
 
-def _each(jobs: Sequence[tuple[Specimens, Hypothesis]]) -> list[Answer | None]:
+def _each(jobs: Sequence[tuple[Trying, Hypothesis]]) -> list[Answer | None]:
     """Answers of models that are computed with different numerics, each kind together."""
     answers: dict[int, Answer | None] = {}
     for numerics in dict.fromkeys(repr(system.numerics) for system, _ in jobs):
@@ -100,7 +121,7 @@ def _each(jobs: Sequence[tuple[Specimens, Hypothesis]]) -> list[Answer | None]:
     return [answers[k] for k in range(len(jobs))]
 
 
-def _without_history(specimens: Specimens, model: Hypothesis) -> Hypothesis:
+def _without_history(specimens: Trying, model: Hypothesis) -> Hypothesis:
     """The model without effects that need whole histories: others change about as much, and take a fraction of the time."""
     if specimens.pointwise(model):
         return model

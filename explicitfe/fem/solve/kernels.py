@@ -13,10 +13,10 @@ import numpy as np
 from explicitfe.fem.elements import full
 from explicitfe.fem.elements import hourglass_stiffness as stiffness
 from explicitfe.fem.elements import hourglass_strain as assumed_strain
-from explicitfe.fem.forces import apart, internal, internal_full, surfaces
+from explicitfe.fem.forces import apart, external, internal, internal_full, surfaces
 from explicitfe.fem.forces.response import Layout
 from explicitfe.fem.materials import law_of
-from explicitfe.fem.solve import course, look, relax_step, restraint, step
+from explicitfe.fem.solve import course, look, relax_step, step
 from explicitfe.platform.compiled.arrays import Addresses, Blocks, Contact, Part, State
 from explicitfe.platform.compiled.jit import Dispatcher, bind, kernel
 from explicitfe.platform.compiled.pieces import Piece, address_of, compile_pieces, typeof
@@ -165,7 +165,8 @@ def kernels_of(
 @cache
 def _with_contact(contact: ModuleType) -> Callable[..., Kernels]:
     """Kernels but for those that depend on law, element and effects."""
-    hold = bind(restraint.hold, stored=False, add_surfaces_stiffness=contact.add_surfaces_stiffness)
+    stiffness = bind(external.add_stiffness, inline=True, add_surfaces_stiffness=contact.add_surfaces_stiffness)
+    hold = bind(look.hold_nodes, stored=False, add_stiffness=stiffness)
     evaluate = bind(look.evaluate, stored=False, hold=hold)
     snapshot = bind(step.snapshot, stored=False, **_pressing(contact))
     return partial(
@@ -186,4 +187,5 @@ def _course(contact: ModuleType, step_of: Callable[..., Any]) -> Dispatcher:
 
 
 def _pressing(contact: ModuleType) -> dict[str, Dispatcher]:
-    return {"add_surfaces": contact.add_surfaces, "surfaces_loss": contact.surfaces_loss}
+    add_forces = bind(external.add_forces, inline=True, add_surfaces=contact.add_surfaces)
+    return {"add_forces": add_forces, "surfaces_loss": contact.surfaces_loss}

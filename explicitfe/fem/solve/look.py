@@ -22,7 +22,6 @@ from typing import Any, NamedTuple
 from explicitfe.fem.elements.hex8 import gradient
 from explicitfe.fem.forces.corners import add_corner_forces, element_modes
 from explicitfe.fem.solve.element_bound import volume_stiffness
-from explicitfe.fem.solve.restraint import hold
 from explicitfe.fem.solve.stable_step import STEP_SHARE_OF_LIMIT
 from explicitfe.platform.compiled.arrays import INTERVAL, LIMIT, LOWEST_LIMIT, PERIOD, SINCE, WAIT
 from explicitfe.platform.compiled.jit import leaf
@@ -30,8 +29,10 @@ from explicitfe.platform.compiled.pieces import call_at
 from explicitfe.platform.compiled.simd import ROW, WIDTH, load, load_many, min_lanes, minimum, splat, store, sum_lanes
 from explicitfe.platform.compiled.threads import wait
 
-# Placeholder, bound in solve/kernels.py.
+# Placeholders, bound in solve/kernels.py.
 shape: Any = None
+add_stiffness: Any = None
+hold: Any = None
 
 # Each change of the step moves energy between the highest vibrations, at random; so it is kept while it lies between these shares
 # of the limit, and is lengthened only where it has been too short for many steps.
@@ -140,6 +141,14 @@ def evaluate(state, part, looks, looker, actions, instant, force_at):
     for at in range(0, part.own * ROW, WIDTH):
         store(looks.response, at + part.first * ROW, load(force, at))
     hold(looks.response, looks.shifted, state, part, actions, instant)
+
+
+def hold_nodes(force, u, state, part, actions, instant):
+    """Add to all rows the pull of ties at displacement u, and the change of contact since the present state, linearised."""
+    wait(part.gate, part.parts)
+    if part.number == 0:
+        add_stiffness(force, u, state.u, actions, instant)
+    wait(part.gate, part.parts)
 
 
 def highest_frequency(state, part, looks, looker, actions, instant, turns, settled, length, force_at):

@@ -12,16 +12,11 @@ section 9.1; Belytschko et al. 2014, section 6.2.3 averages velocities instead, 
 from __future__ import annotations
 
 import math
+from typing import Any
 
-from explicitfe.fem.forces.apart import add_surfaces, surfaces_loss
+from explicitfe.fem.forces.apart import surfaces_loss
 from explicitfe.fem.forces.bone import bones_loss, fastest_bone, rest_on_bones
 from explicitfe.fem.forces.contraction import contraction_work
-from explicitfe.fem.forces.dead import add_dead_loads
-from explicitfe.fem.forces.drag import add_drag
-from explicitfe.fem.forces.follower import add_follower_fibres
-from explicitfe.fem.forces.pressure import add_pressure
-from explicitfe.fem.forces.ties import add_ties
-from explicitfe.fem.forces.turning import add_turning_loads
 from explicitfe.fem.forces.weights import move_weights, pull_weights
 from explicitfe.fem.solve.boundary import correct, drive, place
 from explicitfe.platform.compiled.arrays import (
@@ -42,6 +37,9 @@ from explicitfe.platform.compiled.pieces import call_at
 from explicitfe.platform.compiled.simd import ROW, WIDTH, load, load_fourth, splat, store, sum_lanes
 from explicitfe.platform.compiled.simd_lookup import absolute, larger
 from explicitfe.platform.compiled.threads import ask_to_stop, asked_to_stop, wait
+
+# Placeholder, bound in solve/kernels.py.
+add_forces: Any = None
 
 
 def forces(force_at, u, force, blocks):
@@ -94,13 +92,7 @@ def advance(state, part, shared, actions, dt_before, dt, stiffest, most_fall, fi
             force, bones.own_rows, u, v, bones, placement, step, range_of, recurrence, shared.unrecorded
         )
         if part.number == 0:
-            add_dead_loads(external, actions.dead, actions.activation, step)
-            add_follower_fibres(external, u, actions.fibres, actions.activation, step)
-            add_turning_loads(external, u, actions.turning, actions.activation, step)
-            add_pressure(external, u, actions.pressed, actions.activation, step)
-            add_drag(external, v, actions.drag)
-            add_ties(external, u, actions.ties, actions.tie_placement, step)
-            add_surfaces(external, u, v, actions.surfaces, nodes, gain)
+            add_forces(external, u, v, actions, nodes, step, gain)
             driven_work, driven_loss = drive(u, v, force, nodes, motion, actions.planned, step, h, alpha, dt_before, dt)
         wait(part.gate, part.parts)
         if part.parts > 1 and asked_to_stop(part.gate):
@@ -210,13 +202,7 @@ def snapshot(state, shared, actions, instant, dt, ledger, rows, record, lanes, e
     keep = (1.0 - 0.5 * alpha * dt) / (1.0 + 0.5 * alpha * dt)
     gain = dt / (1.0 + 0.5 * alpha * dt)
     external[:] = 0.0
-    add_dead_loads(external, actions.dead, actions.activation, instant)
-    add_follower_fibres(external, u, actions.fibres, actions.activation, instant)
-    add_turning_loads(external, u, actions.turning, actions.activation, instant)
-    add_pressure(external, u, actions.pressed, actions.activation, instant)
-    add_drag(external, v, actions.drag)
-    tied = add_ties(external, u, actions.ties, actions.tie_placement, instant)
-    pressed = add_surfaces(external, u, v, actions.surfaces, nodes, gain)
+    tied, pressed = add_forces(external, u, v, actions, nodes, instant, gain)
     rubbed = surfaces_loss(actions.surfaces, v, 0.5 * dt, 0.0)
     for at in range(0, u.size, WIDTH):
         store(resting, at, load(force, at))

@@ -255,7 +255,7 @@ class Ties(NamedTuple):
 class Actions(NamedTuple):
     """What acts on a body during a step, with its values at the instants t_0, t_1, ... of a course.
 
-    A new force is a field here, and a line in ``solve/step.py`` that adds it.
+    A new force is a field here, and a line in ``forces/external.py`` that adds it.
     """
 
     dead: DeadLoads

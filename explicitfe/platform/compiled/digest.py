@@ -27,7 +27,6 @@ _KERNEL_SOURCES = (
     "fem/solve/step.py",
     "fem/solve/relax_step.py",
     "fem/solve/look.py",
-    "fem/solve/restraint.py",
     "fem/solve/course.py",
 )
 _Own = tuple[bytes, list[FunctionType]]

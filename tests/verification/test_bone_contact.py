@@ -16,7 +16,7 @@ from contact_bodies import half_space, plate, rigid_ball, round_body, shift, sta
 from scipy.integrate import solve_ivp
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
-from support import YEOH, block_mesh, model_of
+from support import ROOT, YEOH, block_mesh, model_of
 
 from explicitfe.fem.bones.motion import RigidMotion
 from explicitfe.fem.forces.bone import CONTACT_STIFFNESS_PA_M, STIFFENING_DEPTH_M
@@ -34,6 +34,7 @@ from explicitfe.fem.solve.transient import Transient
 from explicitfe.platform.compiled.arrays import BONE_AREA, BONE_DEPTH, EXTERNAL, HOURGLASS, IN_CONTACT, INTERNAL, KINETIC, RUBBED
 from explicitfe.platform.errors import InputError
 from explicitfe.simulate.anatomy.tongue import assemble
+from explicitfe.simulate.run.prepare import prepare
 from explicitfe.simulate.scenario.bones import BoneTable
 from explicitfe.simulate.scenario.transient import AnalysisTable, Damping, ModelTable, MuscleTable, TransientScenario
 
@@ -151,6 +152,28 @@ def test_a_soft_body_of_large_elements_touches_without_harm():
     # the bends: dt is 2 / (k A / m)^(1/2) here, so that k A (v dt)^2 / 4 is twice the energy with which the point came
     assert ledger.balance_error < 0.02
     assert max(s.contact[0, BONE_DEPTH] for s in snapshots) < 3e-4
+
+
+def test_contact_that_stiffens_between_two_checks_shortens_the_step():
+    """A tongue of poisson 0.3 is so soft that contact, once it is a little deep, exceeds the limit of the last check.
+
+    It inverted after 23 ms where a check counted k A / m and saw nothing until the next one. A restart in between changes no bit.
+    """
+    tissue = "model.material={C10_Pa=1037.0, C20_Pa=486.0, poisson=0.3}"
+
+    def run() -> Transient:
+        body = prepare(ROOT / "scenarios" / "gga-alone.toml", [tissue, "analysis.threads=1"]).body
+        return Transient(body, 0.04)
+
+    through, first, second = run(), run(), run()
+    ledger = Ledger()
+    for snapshot in through.samples(1e-3):
+        ledger.add(snapshot)
+    assert ledger.balance_error < 1e-4 and snapshot.J.min() > 0.9
+    assert first.advance_to(0.022) is None
+    second.restore(first.restart_state())
+    assert second.advance_to(0.04) is None
+    assert np.array_equal(second.simulation.displacement, snapshot.displacement)
 
 
 # ---- Hertz ----

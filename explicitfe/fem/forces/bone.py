@@ -189,8 +189,10 @@ def add_contact_stiffness(force, u, here, bones, placement, instant):
     """Add the change of the contact force from displacement ``here`` to u, linearised at the former, to the node rows.
 
     For the highest frequency: the stiffness g x g of the points that touch. The force itself bends at first touch and where g
-    jumps from cell to cell, and a difference over a nanometre would take such a bend for a huge stiffness.
+    jumps from cell to cell, and a difference over a nanometre would take such a bend for a huge stiffness. The stiffness of the
+    contact is noted in ``bones.checked``.
     """
+    bones.checked[:] = 0.0
     for bone in range(len(bones.start)):
         for block in range(len(bones.rows)):
             if bones.until[bone, block] > bones.travel[0, 0]:
@@ -199,16 +201,18 @@ def add_contact_stiffness(force, u, here, bones, placement, instant):
             places = places_of(bones, bone, placement, instant, x)
             moved = each_minus(corners_of(u, bones.rows, block), corners_of(here, bones.rows, block))
             moved = each_into_bone(bones, placement, instant, bone, moved)
-            sums = no_vectors()
+            sums, steepest = no_vectors(), splat(0.0)
             for point in range(CONTACT_POINTS):
                 if bones.until_point[bone * len(bones.rows) + block, point] > bones.travel[0, 0]:
                     continue
                 p, g, _ = depth_at(bones, bone, block, point, places)
                 if not any_positive(p):
                     continue
-                spring = is_positive(p) * load(bones.spring, (block * CONTACT_POINTS + point) * WIDTH)
-                _, stiffness, _ = penalty(spring, p, STIFFENING_DEPTH_M)
+                _, slope, _ = penalty(is_positive(p), p, STIFFENING_DEPTH_M)
+                steepest = larger(slope, steepest)
+                stiffness = slope * load(bones.spring, (block * CONTACT_POINTS + point) * WIDTH)
                 sums = spread(bones, point, sums, times(-stiffness * dot(g, at_point(bones, point, moved)), g))
+            store(bones.checked, (bone * len(bones.rows) + block) * WIDTH, steepest)
             scatter_corners(force, bones.rows, block, each_out_of_bone(bones, placement, instant, bone, sums))
 
 
@@ -230,12 +234,13 @@ def rest_on_bones(force, rows, u, v, bones, placement, instant, range_of, recurr
     loss, work : J. What dampers and friction lose in the half step before, and the work of the bones that move.
     stored : J. Elastic energy of the contact now.
     count : of pairs of a bone and a block that touch, for ``bones_loss``.
+    stiffening : the largest increase of the contact stiffness of a face since the last stability check, over that at first touch.
     """
     near, far, travel = range_of
     both, dt = recurrence.ahead + recurrence.behind, 2.0 * recurrence.behind
     sums, pressure = record
     loss = work = 0.0
-    stored = splat(0.0)
+    stored = stiffening = splat(0.0)
     asked = len(sums) > 0
     blocks, first, count = len(bones.rows), near * len(bones.start), 0
     for bone in range(len(bones.start)):
@@ -253,7 +258,7 @@ def rest_on_bones(force, rows, u, v, bones, placement, instant, range_of, recurr
             damper = damper / (1.0 + recurrence.gain * load(bones.mobility, block * WIDTH) * damper)
             elastic, drag, normal = no_vectors(), no_vectors(), (splat(0.0), splat(0.0), splat(0.0), splat(0.0))
             soonest = math.inf
-            deepest = area = splat(0.0)
+            deepest = area = steepest = splat(0.0)
             touching = False
             for point in range(CONTACT_POINTS):
                 if bones.until_point[pair, point] > travel:
@@ -272,7 +277,8 @@ def rest_on_bones(force, rows, u, v, bones, placement, instant, range_of, recurr
                 touching = touching or touches
                 is_in = is_positive(p)
                 spring = is_in * load(bones.spring, (block * CONTACT_POINTS + point) * WIDTH)
-                push, _, energy = penalty(is_in, p, STIFFENING_DEPTH_M)
+                push, slope, energy = penalty(is_in, p, STIFFENING_DEPTH_M)
+                steepest = larger(slope, steepest)
                 stored = stored + spring * energy
                 slip = at_point(bones, point, slips)
                 brake = larger(-is_in * damper * dot(slip, g), -push)
@@ -299,6 +305,7 @@ def rest_on_bones(force, rows, u, v, bones, placement, instant, range_of, recurr
             bones.until[bone, block] = soonest
             if not touching:
                 continue
+            stiffening = larger(steepest - load(bones.checked, pair * WIDTH), stiffening)
             elastic = each_out_of_bone(bones, placement, instant, bone, elastic)
             drag = each_out_of_bone(bones, placement, instant, bone, drag)
             all_of_it = each_plus(elastic, drag)
@@ -319,7 +326,7 @@ def rest_on_bones(force, rows, u, v, bones, placement, instant, range_of, recurr
                         pressure[bone, node] += bones.lanes[lane] / bones.area[node]
                 sums[bone, BONE_AREA] += sum_lanes(area) / CONTACT_STIFFNESS_PA_M
                 sums[bone, BONE_DEPTH] = max(sums[bone, BONE_DEPTH], -min_lanes(-deepest))
-    return loss, work, sum_lanes(stored), count
+    return loss, work, sum_lanes(stored), count, -min_lanes(-stiffening)
 
 
 @part_of_kernels

@@ -108,6 +108,7 @@ def bones_of(
         until=np.full((len(bones), len(lane)), -1.0),
         until_point=np.full((len(bones) * len(lane), CONTACT_POINTS), -1.0),
         bent=zeros((rubbing, len(lane), CONTACT_POINTS, 3, WIDTH)),
+        checked=zeros((len(bones), len(lane), WIDTH)),
         drag=zeros((len(bones), len(lane), 4, 3, WIDTH)),
         touching=np.zeros(len(bones) * len(lane), dtype=np.int64),
         lanes=zeros((WIDTH,)),
@@ -146,19 +147,28 @@ def _halved(faces: np.ndarray, middle: np.ndarray) -> list[np.ndarray]:
     return [*_halved(np.sort(faces[order[:half]]), middle), *_halved(np.sort(faces[order[half:]]), middle)]
 
 
-def state_of_friction(bones: Bones) -> np.ndarray:
-    """What a restart needs: how far tangential springs are bent, (bones, f, P, 3) m; (0, ...) without friction."""
-    lanes = np.moveaxis(bones.bent, -1, 2)  # (bones, B, W, P, 3)
-    bent = np.zeros((len(lanes), bones.face.max(initial=-1) + 1, *lanes.shape[3:]))
-    bent[:, bones.face[bones.face >= 0]] = lanes[:, bones.face >= 0]
-    return bent
+def state_of_bones(bones: Bones) -> dict[str, np.ndarray]:
+    """What a restart needs, of each face f.
+
+    Returns
+    -------
+    bent : (bones, f, P, 3) m. How far tangential springs are bent; (0, ...) without friction.
+    checked : (bones, f). Contact stiffness at the last stability check.
+    """
+    state = {}
+    for name in ("bent", "checked"):
+        lanes = np.moveaxis(getattr(bones, name), -1, 2)  # (bones, B, W, ...)
+        state[name] = np.zeros((len(lanes), bones.face.max(initial=-1) + 1, *lanes.shape[3:]))
+        state[name][:, bones.face[bones.face >= 0]] = lanes[:, bones.face >= 0]
+    return state
 
 
-def restore_friction(bones: Bones, state: np.ndarray) -> None:
-    """Take over the result of ``state_of_friction``, of a run with any number of threads; it may be at another time."""
+def restore_bones(bones: Bones, state: dict[str, np.ndarray]) -> None:
+    """Take over the result of ``state_of_bones``, of a run with any number of threads; older files lack some of it."""
     bones.seen[:] = np.nan
-    for lanes, bent in zip(np.moveaxis(bones.bent, -1, 2), state, strict=False):
-        lanes[bones.face >= 0] = bent[bones.face[bones.face >= 0]]
+    for name in {"bent", "checked"} & state.keys():
+        for lanes, values in zip(np.moveaxis(getattr(bones, name), -1, 2), state[name], strict=False):
+            lanes[bones.face >= 0] = values[bones.face[bones.face >= 0]]
 
 
 def look_up_if_changed(bones: Bones, u: np.ndarray) -> None:

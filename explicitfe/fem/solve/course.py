@@ -10,6 +10,7 @@ from explicitfe.fem.forces.element_stress import add_stress
 from explicitfe.fem.forces.reaction import sum_reactions
 from explicitfe.fem.solve.look import (
     FEWEST_TURNS,
+    FIRST_TOUCHES,
     LONGEST_STEP_SHARE,
     MAXIMUM,
     SHORT_WAIT_STEPS,
@@ -39,6 +40,7 @@ from explicitfe.platform.compiled.arrays import (
     STIFFEST,
     WAIT,
     BoneRecord,
+    Ceilings,
 )
 from explicitfe.platform.compiled.contact_arrays import FARTHEST, SPEED
 from explicitfe.platform.compiled.jit import leaf
@@ -61,8 +63,8 @@ def course(state, part, looks, looker, shared, actions, samples, instant, span, 
     """Advance a part of the state by up to ``steps`` steps of length dt; give the number of steps done.
 
     The threads of all parts call this at the same time. It ends early, after the step in which an element has turned inside out
-    or folded, after one in which the barrier has become so stiff that a look is due, and after a look that calls for another
-    step. Where the limit alone is asked for, it seeks that of the present state at once, and takes no step.
+    or folded, after one in which the barrier or a contact has become so stiff that a look is due, and after a look that calls for
+    another step. Where the limit alone is asked for, it seeks that of the present state at once, and takes no step.
 
     Parameters
     ----------
@@ -133,8 +135,11 @@ def course(state, part, looks, looker, shared, actions, samples, instant, span, 
             end = min(end, instant + int(watch[WAIT]))
         if taken < len(samples.instant):
             end = min(end, samples.instant[taken])
-        stiffest = math.inf if looking == NO_LOOKS else watch[CEILING] + more_room(watch, dt, margins)
-        reached = advance(state, part, shared, actions, dt_before, dt, stiffest, margins.fall, instant, end, ledger)
+        ceilings = Ceilings(math.inf, margins.fall, math.inf)
+        if looking != NO_LOOKS:
+            stiffest = watch[CEILING] + more_room(watch, dt, margins)
+            ceilings = Ceilings(stiffest, margins.fall, room_of_contact(watch, dt, contact_frequency))
+        reached = advance(state, part, shared, actions, dt_before, dt, ceilings, instant, end, ledger)
         watch[SINCE] += reached - instant
         watch[WAIT] -= reached - instant
         watch[PERIOD] += reached - instant
@@ -176,6 +181,16 @@ def more_room(watch, dt, margins):
     """
     usual = (STEP_SHARE_OF_LIMIT * 2.0 / dt) ** 2 - (2.0 / watch[LIMIT]) ** 2
     return max(0.0, (1.0 + margins.barrier) * usual) if margins.longest == LONGEST_STEP_SHARE else 0.0
+
+
+@leaf
+def room_of_contact(watch, dt, contact_frequency):
+    """How much stiffer contact with bone may become before a stability check is due, over its stiffness at first touch.
+
+    The squares of the highest frequencies of two stiffnesses add up at most. ``limit_of`` leaves some room at least.
+    """
+    room = (2.0 / dt) ** 2 - (2.0 / watch[LIMIT]) ** 2
+    return FIRST_TOUCHES * max(1.0, room / (contact_frequency * contact_frequency))
 
 
 def gather(state, shared, actions, instant, dt, ledgers, samples, number):

@@ -12,10 +12,11 @@ from explicitfe.fem.inputs.limits import ThreadCount
 from explicitfe.fem.model.holders import holders_of
 from explicitfe.fem.model.model import Model
 from explicitfe.fem.solve.body import Body
-from explicitfe.fem.solve.bones import bones_of, look_up_if_changed, restore_friction, state_of_friction, ties_of
+from explicitfe.fem.solve.bones import bones_of, look_up_if_changed, restore_bones, state_of_bones, ties_of
 from explicitfe.fem.solve.course import LIMIT_ALONE, NO_LOOKS
 from explicitfe.fem.solve.detached import detach
 from explicitfe.fem.solve.loads import Loads
+from explicitfe.fem.solve.look import FIRST_TOUCHES
 from explicitfe.fem.solve.observe import TURNS_LATER, Recording, Snapshot, lookers_of, looks_of, samples_of, shape_numbers
 from explicitfe.fem.solve.parts import for_threads, parts_of, usual_threads
 from explicitfe.fem.solve.stable_step import fastest_element
@@ -114,8 +115,8 @@ class Simulation(Body):
         loaded = np.concatenate([self.loads.rows, self.ties.node, self.surfaces.node])
         self.parts = parts_of(self.state, running, share, loaded)
         self.bones = bones_of(model.bones, model.mesh, self._place, self.blocks.position, self.nodes, self.parts)
-        # of a point on a surface alone [1/s]
-        self._contact_frequency = float(np.sqrt(max(self.bones.mobility.max(initial=0.0), pressed)))
+        # that contact leaves room for between two stability checks [1/s]
+        self._contact_frequency = float(np.sqrt(max(FIRST_TOUCHES * self.bones.mobility.max(initial=0.0), pressed)))
         self._ledgers = np.zeros((len(self.parts), LEDGER))
         self._looks = looks_of(self.nodes, len(self.parts))
         self.lookers = lookers_of(self.parts, self.blocks, self.state, self._looks)
@@ -132,7 +133,7 @@ class Simulation(Body):
     def stable_limit(self, turns: int) -> float:
         """Estimate the largest stable step of the present state by a Lanczos iteration.
 
-        A point that touches a bone before the next stability check adds at most k A / m to the square of the highest frequency.
+        A point that touches a bone before the next stability check adds at most 2 k A / m to the square of the highest frequency.
         The limit is reduced if the ratio of step and limit does not cover that. It is NaN if it cannot be determined.
 
         Parameters
@@ -147,7 +148,9 @@ class Simulation(Body):
             looker._replace(tridiagonal=np.zeros((4, turns)), watch=np.zeros_like(looker.watch)) for looker in self.lookers
         ]
         times = np.array([self.time_s, self.time_s])
+        checked = self.bones.checked.copy()
         self._course(times, 0, self.dt_s, LIMIT_ALONE, self._now.at(_NOTHING), (looks, lookers, turns))
+        self.bones.checked[:] = checked
         return float(lookers[0].watch[LIMIT])
 
     def see_elements(self) -> None:
@@ -354,7 +357,7 @@ class Simulation(Body):
             "steps": np.array([self.steps, self._index], dtype=np.int64),
             "weights": self.loads.weights.state.copy(),
             "surfaces": state_of_contact(self.surfaces),
-            "bent": state_of_friction(self.bones),
+            **state_of_bones(self.bones),
         }
 
     def restore(self, state: dict[str, np.ndarray]) -> None:
@@ -371,7 +374,7 @@ class Simulation(Body):
         self._ledgers[:] = state["ledgers"]
         self.blocks.old[:] = state["memory"]
         self.loads.weights.state[:] = state.get("weights", self.loads.weights.state)  # older files have none
-        restore_friction(self.bones, state.get("bent", state_of_friction(self.bones)))
+        restore_bones(self.bones, state)
         restore_contact(self.surfaces, state.get("surfaces", state_of_contact(self.surfaces)))
         self.time_s, self.dt_s, self._origin_s = (float(x) for x in state["times"])
         self.steps, self._index = (int(x) for x in state["steps"])

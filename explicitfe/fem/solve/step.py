@@ -48,7 +48,7 @@ def forces(force_at, u, force, blocks):
     return call_at(force_at, (u, force, blocks))
 
 
-def advance(state, part, shared, actions, dt_before, dt, stiffest, most_fall, first, last, ledger):
+def advance(state, part, shared, actions, dt_before, dt, ceilings, first, last, ledger):
     """Advance a part of the state from instant ``first`` to ``last`` by steps of length dt; give the instant where it ended.
 
     The threads of all parts call this at the same time, and meet twice a step: when all internal forces are there, and when
@@ -59,12 +59,11 @@ def advance(state, part, shared, actions, dt_before, dt, stiffest, most_fall, fi
     state : State, changed in place.
     part, shared, actions : Part, Shared, Actions.
     dt_before : s. The step that led to the first instant; it differs from dt where the step has just been changed.
-    stiffest : 1/s^2. How stiff the barrier against folding may become, over mass, before the stable step must be looked at again.
-    most_fall : of the nearest corner in a step, as a share of what is left of it: where it falls faster, the step is too long.
+    ceilings : Ceilings.
     ledger : (LEDGER,). Sums of work [J], the smallest J and the smallest corner of this part, changed in place.
 
     The loop ends early, after the step in which an element has turned inside out (J <= 0 or not a number) or has folded at a
-    corner, in which the barrier has become too stiff or a corner has fallen too far. Prescribed motion is for one part only.
+    corner, or in which a ceiling has been passed. Prescribed motion is for one part only.
     """
     u, v, whole = state
     nodes, external, alpha = shared.nodes, shared.external, shared.alpha
@@ -88,7 +87,7 @@ def advance(state, part, shared, actions, dt_before, dt, stiffest, most_fall, fi
         recurrence = Recurrence(keep, gain, 0.5 * dt, 0.5 * dt_before)
         # what these add to the rows of the next part gets there with its elements' forces
         range_of = near, far, bones.travel[part.number, 0]
-        rubbed_before, bone_work, _, touching = rest_on_bones(
+        rubbed_before, bone_work, _, touching, stiffening = rest_on_bones(
             force, bones.own_rows, u, v, bones, placement, step, range_of, recurrence, shared.unrecorded
         )
         if part.number == 0:
@@ -163,7 +162,8 @@ def advance(state, part, shared, actions, dt_before, dt, stiffest, most_fall, fi
         sound = smallest > 0.0 and corner > 0.0
         # the first part writes the speed, and may already be in the next step where another one would read it
         slow = part.number > 0 or dt * actions.surfaces.numbers[SPEED] <= actions.surfaces.numbers[FARTHEST]
-        if not (sound and slow and part.blocks.corner[STIFFEST] <= stiffest and fall <= most_fall * corner):
+        calm = part.blocks.corner[STIFFEST] <= ceilings.barrier and stiffening <= ceilings.contact
+        if not (sound and slow and calm and fall <= ceilings.fall * corner):
             ask_to_stop(part.gate)
             if part.parts == 1:
                 done = step + 1
@@ -211,7 +211,7 @@ def snapshot(state, shared, actions, instant, dt, ledger, rows, record, lanes, e
     recurrence = Recurrence(keep, gain, 0.0, 0.5 * dt)
     first = 0 * instant  # a literal 0 would have a type of its own and compile the function again
     range_of = first, len(bones.rows), bones.travel[first, 0]
-    friction_loss, bone_work, touching, _ = rest_on_bones(
+    friction_loss, bone_work, touching, _, _ = rest_on_bones(
         resting, bones.rows, u, v, bones, placement, instant, range_of, recurrence, record
     )
     pull_weights(external, resting, u, v, nodes.inverse_mass, actions.weights, actions.activation, instant, keep, gain, dt, dt)

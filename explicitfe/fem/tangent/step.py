@@ -20,7 +20,7 @@ plain_advance: Any = None
 internal_change: Any = None
 
 
-def advance(state, part, shared, actions, dt_before, dt, stiffest, most_fall, first, last, ledger):
+def advance(state, part, shared, actions, dt_before, dt, ceilings, first, last, ledger):
     """``step.advance`` with the tangents; of one part."""
     tangents = shared.tangents
     done = first
@@ -33,7 +33,7 @@ def advance(state, part, shared, actions, dt_before, dt, stiffest, most_fall, fi
         add_bone_changes(state, actions, step, gain, gain_change, tangents)
         for at in range(0, tangents.before.size, WIDTH):
             store(tangents.before, at, load(state.v, at))
-        done = plain_advance(state, part, shared, actions, dt_before, dt, stiffest, most_fall, step, step + 1, ledger)
+        done = plain_advance(state, part, shared, actions, dt_before, dt, ceilings, step, step + 1, ledger)
         move(state, shared.nodes, keep, gain, dt, keep_change, gain_change, tangents)
         internal_change(state.u, part.blocks, tangents)
         dt_before = dt

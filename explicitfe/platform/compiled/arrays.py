@@ -282,6 +282,14 @@ class BoneRecord(NamedTuple):
     pressure: np.ndarray  # on each node of the contact faces [Pa], (bones, k)
 
 
+class Ceilings(NamedTuple):
+    """What may happen in a step before the next stability check is due at once."""
+
+    barrier: float  # how stiff the barrier against folding may become, over mass [1/s^2]
+    fall: float  # how far the corner nearest to folding may fall in a step, as a share of what is left of it
+    contact: float  # how much stiffer the contact of a face with a bone may become, over its stiffness at first touch
+
+
 class Addresses(NamedTuple):
     """Where the machine code of functions begins that a course calls."""
 
@@ -321,7 +329,7 @@ class Span(NamedTuple):
     looking: int  # NO_LOOKS, AUTOMATIC_STEP, ... of solve/course.py
     turns: int  # most turns of a look
     length: float  # over which a look differences forces [m]
-    contact_frequency: float  # bound of the frequency of contact [1/s]
+    contact_frequency: float  # of the contact stiffness that the limit leaves room for [1/s]
 
 
 class Surface(NamedTuple):

@@ -110,6 +110,7 @@ class Bones(NamedTuple):
     until_point: np.ndarray  # the same of each point of its faces, (bones B, P)
     bent: np.ndarray  # by how much the tangential spring of each point is bent, in the frame of the bone [m],
     # (bones, B, P, 3, W), or (0, ...) without friction
+    checked: np.ndarray  # contact stiffness of each face at the last stability check, over that at first touch, (bones, B, W)
     drag: np.ndarray  # force of dampers and friction on the corners [N]: work array, (bones, B, 4, 3, W)
     touching: np.ndarray  # numbers of the pairs of a bone and a block that touch: work array, int64, (bones B,)
     lanes: np.ndarray  # work array, (W,)

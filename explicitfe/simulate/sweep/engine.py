@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import itertools
 import time
-from abc import ABC, abstractmethod
 from collections import Counter, deque
 from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Executor, Future, wait
@@ -38,8 +37,13 @@ LARGEST_SHARE_OF_THE_NEWEST = 0.3  # in the mean time of a run
 GUARD = 'worker processes import the script again, so put the call under  if __name__ == "__main__":'
 
 
-class Engine(ABC):
-    """Workers that compute bundles.
+class Engine:
+    """Workers that compute bundles: those of an executor, which is not shut down here and manages its workers itself.
+
+    Parameters
+    ----------
+    executor : of any kind.
+    workers : number of its workers; if left out, the executor's own number or else 1.
 
     Attributes
     ----------
@@ -48,18 +52,22 @@ class Engine(ABC):
 
     breaks_as_a_whole = False
 
+    def __init__(self, executor: Executor, workers: int | None = None) -> None:
+        self._executor = executor
+        self._workers = workers or int(getattr(executor, "_max_workers", 0)) or 1
+
     @property
-    @abstractmethod
     def workers(self) -> int:
         """Number of workers that compute at the same time."""
+        return self._workers
 
-    @abstractmethod
     def submit(self, task: Task, members: Sequence[Member]) -> Future[list[WrittenRow]]:
         """Send a bundle."""
+        return self._executor.submit(written_rows_of, task, members)
 
-    @abstractmethod
     def is_death(self, error: BaseException) -> bool:
         """Whether an exception of a future means that the process which computed it ended."""
+        return False
 
     def explained(self, error: BaseException) -> BaseException:
         """The exception to raise for one of a future that no run has caused."""
@@ -70,17 +78,18 @@ class Engine(ABC):
             )
         return error
 
-    @abstractmethod
     def renew(self) -> None:
         """Replace the workers after one has ended."""
 
-    @abstractmethod
     def close(self) -> None:
         """Release the workers."""
 
     def wait(self, futures: Iterable[Future[list[WrittenRow]]]) -> set[Future[list[WrittenRow]]]:
-        """The futures that are done, after a short time at most."""
-        return wait(futures, POLL_FUTURES_S, FIRST_COMPLETED).done
+        """The futures that are done, after a short time; other objects, such as jobs of a batch system, are polled one by one."""
+        if all(isinstance(future, Future) for future in futures):
+            return wait(futures, POLL_FUTURES_S, FIRST_COMPLETED).done
+        time.sleep(POLL_FUTURES_S)
+        return {future for future in futures if future.done()}
 
 
 class Processes(Engine):
@@ -96,17 +105,8 @@ class Processes(Engine):
     def __init__(self, workers: int) -> None:
         if getattr(current_process(), "_inheriting", False):  # multiprocessing sets it while a process imports its script again
             raise InputError(f"a worker process tried to start the sweep itself: {GUARD}.")
-        self._workers = workers
         self._pool = WorkerPool(workers)
-
-    @property
-    def workers(self) -> int:
-        """The number that was given."""
-        return self._workers
-
-    def submit(self, task: Task, members: Sequence[Member]) -> Future[list[WrittenRow]]:
-        """Send a bundle."""
-        return self._pool.submit(written_rows_of, task, members)
+        super().__init__(self._pool, workers)
 
     def is_death(self, error: BaseException) -> bool:
         """A pool breaks as a whole: all that was in flight is lost with one process."""
@@ -115,54 +115,15 @@ class Processes(Engine):
     def renew(self) -> None:
         """Start a new pool."""
         self.close()
-        self._pool = WorkerPool(self._workers)
+        self._executor = self._pool = WorkerPool(self._workers)
 
     def close(self) -> None:
         """Terminate the processes; runs that are not finished are computed when the sweep is resumed."""
         self._pool.end()
 
 
-class UserExecutor(Engine):
-    """An executor of the user, of any kind; it is not shut down here.
-
-    Parameters
-    ----------
-    workers : number of its workers; if left out, the executor's own number or else 1.
-    """
-
-    def __init__(self, executor: Executor, workers: int | None = None) -> None:
-        self._executor = executor
-        self._workers = workers or int(getattr(executor, "_max_workers", 0)) or 1
-
-    @property
-    def workers(self) -> int:
-        """The number that was given, or that of the executor."""
-        return self._workers
-
-    def submit(self, task: Task, members: Sequence[Member]) -> Future[list[WrittenRow]]:
-        """Send a bundle."""
-        return self._executor.submit(written_rows_of, task, members)
-
-    def is_death(self, error: BaseException) -> bool:
-        """Its workers cannot be restarted here."""
-        return False
-
-    def renew(self) -> None:
-        """The user manages its workers."""
-
-    def close(self) -> None:
-        """It remains open."""
-
-    def wait(self, futures: Iterable[Future[list[WrittenRow]]]) -> set[Future[list[WrittenRow]]]:
-        """The futures that are done; other objects, such as jobs of a batch system, are polled one by one."""
-        if all(isinstance(future, Future) for future in futures):
-            return super().wait(futures)
-        time.sleep(POLL_FUTURES_S)
-        return {future for future in futures if future.done()}
-
-
 class Cluster(Engine):
-    """A Dask cluster, by the address of its scheduler.
+    """A Dask cluster, by the address of its scheduler; its nannies restart its workers.
 
     Raises
     ------
@@ -202,10 +163,6 @@ class Cluster(Engine):
             self._counted_at = time.monotonic()
         return self._counted
 
-    def submit(self, task: Task, members: Sequence[Member]) -> Future[list[WrittenRow]]:
-        """Send a bundle."""
-        return self._executor.submit(written_rows_of, task, members)
-
     def wait(self, futures: Iterable[Future[list[WrittenRow]]]) -> set[Future[list[WrittenRow]]]:
         """The futures that are done; MachineError if the connection is lost, as the client has cancelled all futures then."""
         done = super().wait(futures)
@@ -229,9 +186,6 @@ class Cluster(Engine):
                 "with the address of a new scheduler to resume."
             )
         return super().explained(error)
-
-    def renew(self) -> None:
-        """The nannies of the cluster restart its workers."""
 
     def close(self) -> None:
         """Disconnect; the cluster keeps running."""

@@ -24,7 +24,7 @@ from explicitfe.results.files.folder import remove_unfinished, whole_file
 from explicitfe.simulate.scenario.read import setting_texts
 from explicitfe.simulate.sweep import members as designs
 from explicitfe.simulate.sweep.definition import RESULTS_FOLDER, ROWS_FOLDER, Definition, begin, define
-from explicitfe.simulate.sweep.engine import Bundles, Cluster, Engine, Processes, UserExecutor
+from explicitfe.simulate.sweep.engine import Bundles, Cluster, Engine, Processes
 from explicitfe.simulate.sweep.factors import factors_of
 from explicitfe.simulate.sweep.journal import Journal, Stored
 from explicitfe.simulate.sweep.members import Design, Members, share_of
@@ -314,7 +314,7 @@ def engine_for(processes: int | None, executor: Executor | None, scheduler: str 
     if processes is not None and processes < 1:
         raise InputError(f"`processes` {processes}: the smallest value is 1.")
     if executor is not None:
-        return UserExecutor(executor, processes)
+        return Engine(executor, processes)
     if scheduler is not None:
         return Cluster(scheduler)
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

@@ -180,6 +180,37 @@ def test_an_edited_helper_is_compiled_anew_in_the_next_process(tmp_path):
     assert processes[0][2] != processes[1][2] == processes[2][2]
 
 
+OTHER_NUMBA = """
+from numba.core import caching, codegen
+holder, name = {missing}
+known = getattr(holder, name)
+delattr(holder, name)
+from explicitfe.platform.compiled import jit
+setattr(holder, name, known)
+assert not jit.PART
+import numpy as np
+from explicitfe.platform.compiled.simd import WIDTH, load, square_root, store
+@jit.leaf
+def law(x):
+    return square_root(x) * 0.1 + x
+def template(values):
+    store(values, 0, law(load(values, 0)))
+    return law(2.0)
+values = np.arange(1.0, WIDTH + 1.0)
+print(jit.bind(template, law=law)(values), values.tolist())
+"""
+
+
+@pytest.mark.parametrize("missing", ["codegen, 'JITCodeLibrary'", "caching.IndexDataCacheFile, '_data_path'"])
+def test_a_release_of_numba_without_an_internal_compiles_in_its_own_way(missing, tmp_path):
+    """The same numbers, without the linking of this package; a whole run was compared to the bit by hand."""
+    (tmp_path / "other_numba.py").write_text(OTHER_NUMBA.format(missing=missing))
+    code = f"import sys; sys.path.insert(0, {str(tmp_path)!r}); import other_numba"
+    x = np.arange(1.0, WIDTH + 1.0)
+    one, *all_values = (float(word.strip("[],")) for word in in_a_process(code, tmp_path / "cache").split())
+    np.testing.assert_allclose([one, *all_values], [np.sqrt(2.0) * 0.1 + 2.0, *(np.sqrt(x) * 0.1 + x)], rtol=1e-15)
+
+
 PARTS = """
 import sys
 sys.path.insert(0, {folder!r})

@@ -11,7 +11,6 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
-from functools import cache
 from types import FunctionType
 from typing import Any
 
@@ -20,8 +19,16 @@ from numba.core.dispatcher import Dispatcher
 
 from explicitfe.platform.compiled.cache import store_compiled_code
 from explicitfe.platform.compiled.digest import digest_of_bindings
-from explicitfe.platform.compiled.parts import KernelCompiler, PartCompiler
-from explicitfe.platform.compiled.stored_parts import PartCache
+
+try:
+    from explicitfe.platform.compiled.linking import KERNEL, PART, make_part, store
+except (ImportError, AttributeError):  # a release of Numba with other internals: it compiles in its own way, which takes longer
+    KERNEL, PART, store = {}, {}, Dispatcher.enable_caching
+
+    def make_part(dispatcher: Dispatcher, options: dict[str, object]) -> Dispatcher:
+        """The function as Numba compiles it."""
+        return dispatcher
+
 
 # contract: multiply and add may fuse. No reassociation (sums keep their order), no nnan or ninf (NaN checks keep their
 # meaning). error_model numpy: a division by zero gives inf, not a branch.
@@ -36,34 +43,13 @@ OPTIONS: dict[str, object] = {
     "_nrt": False,
 }
 
-# Wrappers that take arguments apart take long to compile: Python calls kernels only, and C calls none.
-KERNEL: dict[str, Any] = {"no_cfunc_wrapper": True, "pipeline_class": KernelCompiler}
-PART: dict[str, Any] = {"no_cfunc_wrapper": True, "no_cpython_wrapper": True, "pipeline_class": PartCompiler}
-
-
 Template = Callable[..., Any]  # a function that is compiled for arguments of many types: arrays, lanes, tuples of lanes
 PLACEHOLDER: Any = None  # stands for a leaf or a number that ``bind`` puts in its place
 
 
 def leaf(function: Template) -> Dispatcher:
     """Compile ``function`` into its callers."""
-    return _part(numba.jit(function, forceinline=True, **OPTIONS, **PART))
-
-
-def _part(dispatcher: Dispatcher) -> Dispatcher:
-    """A function that kernels call; where Python calls it, as tests do, it is compiled by itself."""
-
-    @cache
-    def alone() -> Dispatcher:
-        return numba.jit(dispatcher.py_func, **OPTIONS)
-
-    def note(compiled: Any) -> None:
-        dispatcher.overloads[tuple(compiled.signature.args)] = compiled
-
-    dispatcher.add_overload = note
-    dispatcher._cache = PartCache(dispatcher)
-    dispatcher._compile_for_args = lambda *args, **kwargs: alone()
-    return dispatcher
+    return make_part(numba.jit(function, forceinline=True, **OPTIONS, **PART), OPTIONS)
 
 
 def part_of_kernels(function: Template) -> Dispatcher:
@@ -108,11 +94,11 @@ def bind(
     bound.__module__ = template.__module__
     bound.__qualname__ = f"{template.__qualname__}_{digest_of_bindings(bindings)}"
     is_kernel = stored and not inline
-    options = OPTIONS | {"_nrt": allocates} | (KERNEL if is_kernel else PART) | {"no_cpython_wrapper": apart or not is_kernel}
+    options = OPTIONS | {"_nrt": allocates} | (KERNEL | {"no_cpython_wrapper": apart} if is_kernel else PART)
     dispatcher = numba.jit(bound, forceinline=inline, **options)
     if not is_kernel:
-        return _part(dispatcher)
-    store_compiled_code(dispatcher)
+        return make_part(dispatcher, OPTIONS)
+    store_compiled_code(dispatcher, store)
     return dispatcher
 
 

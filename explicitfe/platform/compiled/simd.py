@@ -19,8 +19,8 @@ from numba.core.errors import TypingError
 from numba.core.extending import intrinsic, models, overload, register_model, type_callable
 from numba.core.imputils import lower_builtin, lower_cast
 
+from explicitfe.platform.compiled.jit import PART
 from explicitfe.platform.compiled.lanes import WIDTH
-from explicitfe.platform.compiled.parts import PartCompiler
 
 ROW = 4  # float64 in one node row [x, y, z, padding]: 32 bytes, so that a corner is one vector load
 
@@ -357,7 +357,7 @@ _erf_lanes = _by_lane("_erf_lanes", "Error function lane by lane.", _extern("erf
 _log_lanes = _by_lane("_log_lanes", "Logarithm lane by lane.", lambda module: module.declare_intrinsic("llvm.log", [_F64]))
 
 
-_INLINE = {"forceinline": True, "pipeline_class": PartCompiler}
+_INLINE = {"forceinline": True, **PART}
 
 
 def exp(value):

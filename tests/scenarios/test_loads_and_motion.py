@@ -18,6 +18,7 @@ from explicitfe.fem.model.model import Model
 from explicitfe.fem.solve.simulation import Simulation
 from explicitfe.fem.solve.transient import Transient
 from explicitfe.platform.compiled.arrays import EXTERNAL
+from explicitfe.platform.errors import InputError
 
 BOX = """
 title = "Box"
@@ -126,6 +127,34 @@ def test_nodes_move_along_a_path(tmp_path: Path) -> None:
         run(tmp_path, '[[motion]]\nnodes = ["x0"]\npath = [[0, 0, 0, 0], [100, 4, 0, 0]]')
     with pytest.raises(explicitfe.InputError, match="path must begin with"):
         run(tmp_path, '[[motion]]\nnodes = ["x1"]\npath = [[0, 1, 0, 0], [100, 4, 0, 0]]')
+
+
+def test_a_path_in_a_file_is_the_path_in_the_scenario(tmp_path: Path) -> None:
+    """The same displacements to the bit, a column that is left out is zero, and each wrong file has a sentence with its line."""
+    file, moved = tmp_path / "motion.csv", '[[motion]]\nnodes = ["x1"]\n'
+    file.write_text("time_ms, z_mm, x_mm\n0, 0, 0\n100, 0, 4\n\n300, 1, 4.0\n")
+    with run(tmp_path, moved + "path = [[0, 0, 0, 0], [100, 4, 0, 0], [300, 4, 0, 1]]") as inline:
+        wanted = inline.displacement(-1)
+    with run(tmp_path, moved + 'path_file = "motion.csv"') as result:
+        np.testing.assert_array_equal(result.displacement(-1), wanted)
+    wrong = {
+        "time_s,x_mm\n0,0\n1,1\n": "the first line must name columns",
+        "": "the first line must name columns",
+        "time_ms,x_mm\n0,0\n1,one\n": "line 3: give a number",
+        "time_ms,x_mm\n0,0\n1\n": "line 3: give a number",
+        "time_ms,x_mm\n0,0\n": "two rows",
+        "time_ms,x_mm\n0,0\n5,1\n4,1\n": "times of path must increase",
+        "time_ms,x_mm\n0,1\n5,1\n": "must begin with",
+    }
+    for text, sentence in wrong.items():
+        file.write_text(text)
+        with pytest.raises(InputError, match=sentence):
+            run(tmp_path, moved + 'path_file = "motion.csv"')
+    with pytest.raises(InputError, match="not both"):
+        run(tmp_path, moved + 'path_file = "motion.csv"\npath = [[0, 0, 0, 0], [1, 1, 0, 0]]')
+    with pytest.raises(InputError, match=r"motion\.csv"):
+        file.unlink()
+        run(tmp_path, moved + 'path_file = "motion.csv"')
 
 
 def test_a_body_flies_with_its_initial_velocity(tmp_path: Path) -> None:

@@ -22,7 +22,6 @@ from explicitfe.platform.compiled.threads import cores
 from explicitfe.platform.errors import InputError, nearest
 from explicitfe.simulate.anatomy import catalogue
 from explicitfe.simulate.scenario.bones import GLIDE_MM_PER_DEG, SOFT_PARTS, BoneTable, HyoidTable, JawTable
-from explicitfe.simulate.scenario.profile import path_of
 from explicitfe.simulate.scenario.transient import ModelTable, TransientScenario
 
 # Of the ties between tissue and bone [Pa/m], as stiff as contact: under the 10 kPa of a strong muscle's origin they give way by
@@ -53,7 +52,7 @@ def bones_of(scenario: TransientScenario, mesh: HexMesh, folder: Path) -> tuple[
             Bone(
                 table.name,
                 *surface,
-                motion=motion if table.moves_with_jaw else _motion_along(table),
+                motion=motion if table.moves_with_jaw else _motion_along(table, folder),
                 friction=table.friction,
                 damping=table.damping,
                 smooth=table.smooth,
@@ -62,10 +61,11 @@ def bones_of(scenario: TransientScenario, mesh: HexMesh, folder: Path) -> tuple[
         )
 
 
-def _motion_along(table: BoneTable) -> RigidMotion | None:
-    if not table.path:
+def _motion_along(table: BoneTable, folder: Path) -> RigidMotion | None:
+    course = table.course(folder)
+    if course is None:
         return None
-    time_s, shift_m = path_of(table.path)
+    time_s, shift_m = course
     return RigidMotion(np.zeros(3), np.zeros(3), shift_m, time_s, np.zeros(len(time_s)))
 
 

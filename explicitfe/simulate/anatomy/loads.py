@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
@@ -19,7 +20,7 @@ from explicitfe.fem.solve.held import held_shape
 from explicitfe.platform.errors import InputError
 from explicitfe.simulate.anatomy.anatomy import Anatomy
 from explicitfe.simulate.scenario.loads import LoadTable, ReleaseTable, SupportTable
-from explicitfe.simulate.scenario.profile import path_of, profile_of
+from explicitfe.simulate.scenario.profile import profile_of
 from explicitfe.simulate.scenario.transient import TransientScenario
 
 # Pairs of corners of a hexahedron that are ends of an edge.
@@ -29,7 +30,7 @@ PA_M_PER_KPA_MM = 1e6
 OUTSIDE_M = 5e-4
 
 
-def with_loads(model: Model, scenario: TransientScenario) -> Model:
+def with_loads(model: Model, scenario: TransientScenario, folder: Path) -> Model:
     """The model with the loads, masses, supports and the air of a scenario.
 
     Raises
@@ -67,7 +68,7 @@ def with_loads(model: Model, scenario: TransientScenario) -> Model:
             weights.append(HangingWeight(name, nodes, share, 1e-3 * table.mass_g, gravity, slack_m, profile))
     air = scenario.air
     return replace(
-        _prescribe(model, scenario),
+        _prescribe(model, scenario, folder),
         loads=tuple(loads),
         masses=tuple(masses),
         followers=tuple(followers),
@@ -78,7 +79,7 @@ def with_loads(model: Model, scenario: TransientScenario) -> Model:
     )
 
 
-def _prescribe(model: Model, scenario: TransientScenario) -> Model:
+def _prescribe(model: Model, scenario: TransientScenario, folder: Path) -> Model:
     """The model with the prescribed motion of a scenario."""
     if not scenario.motion:
         return model
@@ -89,7 +90,7 @@ def _prescribe(model: Model, scenario: TransientScenario) -> Model:
         raise InputError("two [[motion]] tables move the same node; name sets that do not meet.")
     if model.held[nodes].any():
         raise InputError("[[motion]] moves nodes of a set in model.fixed; take it out of fixed, or name sets that do not meet.")
-    paths = [path_of(table.path) for table in scenario.motion]
+    paths = [course for table in scenario.motion if (course := table.course(folder)) is not None]
 
     def displacement(times: np.ndarray) -> np.ndarray:
         moved = [along(*path, times)[:, None, :] for path in paths]

@@ -162,7 +162,7 @@ def assemble(scenario: TransientScenario, folder: Path) -> Assembly:
         report = surgery_report(surgery, intact, model, cut)
     if model.held.all():
         raise InputError("model.fixed fixes every node of the mesh, so nothing can move; remove a set from it.")
-    model = with_loads(model, scenario)
+    model = with_loads(model, scenario, folder)
     if any(table.gravity_m_s2):
         weight = gravity_load(model.mesh, material, table.gravity_m_s2, model.inclusions, model.masses)
         model = replace(model, loads=(*model.loads, weight))

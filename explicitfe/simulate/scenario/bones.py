@@ -6,14 +6,14 @@ from typing import Literal
 
 from pydantic import Field, model_validator
 
-from explicitfe.fem.inputs.table import MOST_ROWS_OF_A_COURSE, Name, PathRow, Table, Vector
-from explicitfe.simulate.scenario.profile import MotionTable, check_path
+from explicitfe.fem.inputs.table import Name, Table, Vector
+from explicitfe.simulate.scenario.profile import MotionTable, PathTable
 
 # Built-in bones that have a part whose place a [[body]] can take, and the key that leaves it out where it is false.
 SOFT_PARTS = {"palate": "velum", "pharynx": "side_walls"}
 
 
-class BoneTable(Table):
+class BoneTable(PathTable):
     """A rigid surface that the body can rest on: one that a built-in model brings, or a closed surface of triangles in a file."""
 
     name: Name = Field(description="palate, jaw or pharynx of the built-in tongue; of a file: what to call it")
@@ -43,11 +43,6 @@ class BoneTable(Table):
         description="whether its surface is rounded over a cell of its distance grid, so that its force has no jumps: gradients "
         "need it",
     )
-    path: list[PathRow] = Field(
-        default=[],
-        max_length=MOST_ROWS_OF_A_COURSE,
-        description="[time_ms, x_mm, y_mm, z_mm] rows along which it moves without turning, linear in between; fixed by default",
-    )
     with_jaw: bool | None = Field(
         default=None, description='whether it moves with the jaw; by default true for the bone "jaw" only'
     )
@@ -56,8 +51,7 @@ class BoneTable(Table):
     def _keys_that_go_together(self) -> BoneTable:
         if (self.file is None) != (self.length_unit is None):
             raise ValueError("give both file and length_unit, because a surface file has no unit of length")
-        check_path(self.path)
-        if self.path and self.moves_with_jaw:
+        if (self.path or self.path_file) and self.moves_with_jaw:
             raise ValueError("a bone with a path cannot move with the jaw: set with_jaw = false")
         if "/" in self.name or not self.name.strip(" ."):
             raise ValueError(f'"{self.name}" cannot be a name in a result file: give one of letters and digits, without "/"')

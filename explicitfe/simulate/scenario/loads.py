@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pydantic import Field, model_validator
 
-from explicitfe.fem.inputs.table import MOST_ROWS_OF_A_COURSE, Name, Names, PathRow, Table, Vector
-from explicitfe.simulate.scenario.profile import MotionTable, ProfileTable, check_path
+from explicitfe.fem.inputs.table import Name, Names, Table, Vector
+from explicitfe.simulate.scenario.profile import MotionTable, PathTable, ProfileTable
 
 
 class LoadTable(ProfileTable):
@@ -90,17 +90,15 @@ class ReleaseTable(Table):
         return self
 
 
-class PathTable(Table):
+class PathOfNodesTable(PathTable):
     """Nodes that move along a given path."""
 
     nodes: Names = Field(min_length=1, description="node sets; the nodes that are in any of them move")
-    path: list[PathRow] = Field(
-        min_length=2, max_length=MOST_ROWS_OF_A_COURSE, description="[time_ms, x_mm, y_mm, z_mm] rows, linear in between"
-    )
 
     @model_validator(mode="after")
-    def _begins_at_rest(self) -> PathTable:
-        check_path(self.path)
+    def _has_a_path(self) -> PathOfNodesTable:
+        if len(self.path) < 2 and self.path_file is None:
+            raise ValueError("give a path with two rows at least, or path_file")
         return self
 
 

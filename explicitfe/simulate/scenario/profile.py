@@ -2,13 +2,21 @@
 
 from __future__ import annotations
 
+import csv
+import math
+from pathlib import Path
 from typing import Literal
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field, ValidationError, model_validator
 
-from explicitfe.fem.inputs.table import MOST_ROWS_OF_A_COURSE, Pair, PathRow, Table
+from explicitfe.fem.inputs.sentences import explain
+from explicitfe.fem.inputs.table import MOST_ROWS_OF_A_COURSE, Pair, PathRow, Table, validated
 from explicitfe.fem.model.profile import Profile
+from explicitfe.platform.errors import InputError
+from explicitfe.platform.host.text import text_of
+
+PATH_COLUMNS = ("time_ms", "x_mm", "y_mm", "z_mm")
 
 
 class ProfileTable(Table):
@@ -68,19 +76,62 @@ class MotionTable(Table):
         return 1e-3 * time_ms, share
 
 
-def check_path(path: list[PathRow]) -> None:
-    """ValueError unless a path begins at rest at time 0 and its times increase."""
-    times = [row[0] for row in path]
-    if times != sorted(set(times)):
-        raise ValueError("the times of path must increase")
-    if path and any(path[0]):
-        raise ValueError("path must begin with [0, 0, 0, 0], because the body is at rest at time 0")
+class PathTable(Table):
+    """A table with a path over time, inline or in a file."""
+
+    path: list[PathRow] = Field(
+        default=[],
+        max_length=MOST_ROWS_OF_A_COURSE,
+        description="[time_ms, x_mm, y_mm, z_mm] rows of displacements without rotation, linear in between",
+    )
+    path_file: str | None = Field(
+        default=None, description="instead of path: CSV file with the columns time_ms and some of x_mm, y_mm, z_mm"
+    )
+
+    @model_validator(mode="after")
+    def _begins_at_rest(self) -> PathTable:
+        if self.path and self.path_file is not None:
+            raise ValueError("give either path or path_file, not both")
+        times = [row[0] for row in self.path]
+        if times != sorted(set(times)):
+            raise ValueError("the times of path must increase")
+        if self.path and any(self.path[0]):
+            raise ValueError("path must begin with [0, 0, 0, 0], because the body is at rest at time 0")
+        return self
+
+    def course(self, folder: Path) -> tuple[np.ndarray, np.ndarray] | None:
+        """Times (k,) s and displacements (k, 3) m of the path; None without one. A file lies in ``folder``.
+
+        Raises
+        ------
+        InputError : the file cannot be read, or is no such table.
+        """
+        path = self.path if self.path_file is None else _read_path(folder / self.path_file)
+        rows = 1e-3 * np.array(path, dtype=float)
+        return (rows[:, 0], rows[:, 1:]) if len(rows) else None
 
 
-def path_of(path: list[PathRow]) -> tuple[np.ndarray, np.ndarray]:
-    """Times (k,) s and displacements (k, 3) m of a path."""
-    rows = 1e-3 * np.array(path, dtype=float)
-    return rows[:, 0], rows[:, 1:]
+def _read_path(file: Path) -> list[PathRow]:
+    table = csv.reader(text_of(file, "path_file is a CSV file").splitlines(), skipinitialspace=True)
+    lines = [(table.line_num, [cell.strip() for cell in cells]) for cells in table if cells]
+    names = lines[0][1] if lines else []
+    if len(set(names)) < len(names) or not {"time_ms"} < set(names) <= set(PATH_COLUMNS):
+        raise InputError(f"{file}: the first line must name columns: time_ms, and some of x_mm, y_mm, z_mm.")
+    path = []
+    for number, cells in lines[1:]:
+        try:
+            row = dict(zip(names, map(float, cells), strict=True))
+        except ValueError:
+            row = {}
+        if not row or not all(map(math.isfinite, row.values())):
+            raise InputError(f"{file}, line {number}: give a number for each of the columns {', '.join(names)}.")
+        path.append(tuple(row.get(name, 0.0) for name in PATH_COLUMNS))
+    if len(path) < 2:
+        raise InputError(f"{file}: a path needs two rows at least; add them below the names of the columns.")
+    try:
+        return validated(PathTable, {"path": path}).path
+    except ValidationError as error:
+        raise InputError(f"{file}: {explain(error, {'path': path}, PathTable)}") from None
 
 
 def profile_of(table: ProfileTable) -> Profile:

@@ -14,7 +14,7 @@ from explicitfe.simulate.scenario.bones import BoneTable, HyoidTable, JawTable
 from explicitfe.simulate.scenario.effects_table import EffectsTable
 from explicitfe.simulate.scenario.expected import EXPECTED, ExpectedNumbers
 from explicitfe.simulate.scenario.lips import LipsTable
-from explicitfe.simulate.scenario.loads import AirTable, InitialTable, LoadTable, PathTable, ReleaseTable, SupportTable
+from explicitfe.simulate.scenario.loads import AirTable, InitialTable, LoadTable, PathOfNodesTable, ReleaseTable, SupportTable
 from explicitfe.simulate.scenario.profile import ProfileTable
 from explicitfe.simulate.scenario.surgery import GraftTable, ResectionTable, ScarTable
 
@@ -142,7 +142,7 @@ class TransientScenario(Table):
     support: list[SupportTable] = Field(
         default=[], max_length=MOST_TABLES_OF_A_KIND, description="elastic foundations in place of fixed nodes"
     )
-    motion: list[PathTable] = Field(
+    motion: list[PathOfNodesTable] = Field(
         default=[], max_length=MOST_TABLES_OF_A_KIND, description="node sets that move along a given path"
     )
     initial: list[InitialTable] = Field(
@@ -205,6 +205,7 @@ class TransientScenario(Table):
 
     @property
     def file_names(self) -> tuple[str, ...]:
-        """The files that it names, relative to its own: a model file, surfaces of bones."""
+        """The files that it names, relative to its own: a model file, surfaces of bones, paths."""
         names = [self.model.file, *(body.file for body in self.body), *(bone.file for bone in self.bone)]
+        names += [table.path_file for table in (*self.motion, *self.bone)]
         return tuple(name for name in names if name is not None)

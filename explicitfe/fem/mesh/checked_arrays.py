@@ -7,7 +7,6 @@ that the caller cannot change afterwards.
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from explicitfe.platform.errors import InputError, shortened
 
@@ -33,16 +32,7 @@ def number_array(
     InputError : not numbers, another shape, not finite, or too large.
     """
     wanted = f"numbers of shape ({', '.join(map(str, shape))}{',' * (len(shape) == 1)})"
-    array = _array(name, values, wanted)
-    if array.dtype.kind not in "iuf" and array.size:
-        raise InputError(f"{name} must be {wanted}, not {_described(values, array)}.")
-    if array.ndim != len(shape) or any(a != b for a, b in zip(array.shape, shape, strict=True) if isinstance(b, int)):
-        raise InputError(f"{name} must have the shape {wanted.partition('shape ')[2]}, not {array.shape}.")
-    if _is_owned(array, np.float64):
-        copy = array
-    else:
-        with np.errstate(over="ignore"):
-            copy = _locked(np.array(array, dtype=np.float64, order="C"))
+    copy = _checked(name, values, "iuf", np.float64, shape, wanted)
     if not np.isfinite(copy).all():
         place = np.argwhere(~np.isfinite(copy))[0].tolist()
         where = f"{name}: {rows} {place[0]}" if rows else f"{name}{place}"
@@ -70,16 +60,8 @@ def index_array(
     ------
     InputError : not whole numbers, another shape, out of range, or a repeated number.
     """
-    wanted = f"{what} numbers, whole and 0 or more"
-    array = _array(name, values, wanted)
-    if array.dtype.kind not in "iu" and array.size:
-        raise InputError(f"{name} must be {wanted}, not {_described(values, array)}.")
-    if array.ndim != (1 if columns is None else 2) or (columns is not None and array.shape[1] != columns):
-        shape = "(k,)" if columns is None else f"(k, {columns})"
-        raise InputError(f"{name} must have the shape {shape}, not {array.shape}.")
-    if array.dtype.kind == "u" and array.size and int(array.max()) > np.iinfo(np.int64).max:
-        raise InputError(f"{name}: {what} {array.max()} is too large a number.")
-    copy = array if _is_owned(array, np.int64) else _locked(np.array(array, dtype=np.int64, order="C"))
+    shape: tuple[int | str, ...] = ("k",) if columns is None else ("k", columns)
+    copy = _checked(name, values, "iu", np.int64, shape, f"{what} numbers, whole and 0 or more")
     if columns is None:
         check_range(name, copy, count, what)
     if unique and copy.size > 1:
@@ -112,23 +94,32 @@ def mask_array(name: str, values: object, shape: tuple[int, int], hint: str) -> 
     ------
     InputError : another type or shape; the message ends with ``hint``.
     """
-    wanted = f"a mask of True and False of shape {shape}"
-    array = _array(name, values, wanted)
-    if array.dtype.kind != "b":
-        raise InputError(f"{name} must be {wanted}, not {_described(values, array)}; {hint}.")
-    if array.shape != shape:
-        raise InputError(f"{name} must be {wanted}, not of shape {array.shape}; {hint}.")
-    return array if _is_owned(array, np.bool_) else _locked(np.array(array, order="C"))
+    return _checked(name, values, "b", np.bool_, shape, f"a mask of True and False of shape {shape}", hint)
 
 
-def _array(name: str, values: object, wanted: str) -> np.ndarray:
+def _checked(
+    name: str, values: object, kinds: str, dtype: type[np.generic], shape: tuple[int | str, ...], wanted: str, hint: str = ""
+) -> np.ndarray:
+    """A read-only array of one of the ``kinds`` of numpy types, as ``dtype``; letters in ``shape`` stand for any length."""
     try:
         array = np.asarray(values)
     except (ValueError, TypeError, OverflowError):  # rows of different lengths
         array = None
-    if array is None or array.dtype.kind == "O":
-        raise InputError(f"{name} must be {wanted}, not {_described(values, None)}.")
-    return array
+    end = f"; {hint}." if hint else "."
+    if array is None or array.dtype.kind == "O" or (array.dtype.kind not in kinds and (array.size or kinds == "b")):
+        described = _described(values, None if array is None or array.dtype.kind == "O" else array)
+        raise InputError(f"{name} must be {wanted}, not {described}{end}")
+    if array.ndim != len(shape) or any(a != b for a, b in zip(array.shape, shape, strict=True) if isinstance(b, int)):
+        stated = f"({', '.join(map(str, shape))}{',' * (len(shape) == 1)})"
+        raise InputError(f"{name} must have the shape {stated}, not {array.shape}{end}")
+    if dtype is np.int64 and array.size and int(array.max()) > np.iinfo(np.int64).max:
+        raise InputError(f"{name}: {array.max()} is too large a number.")
+    if array.base is None and not array.flags.writeable and array.dtype == dtype and array.flags.c_contiguous:
+        return array  # nobody can write into it
+    with np.errstate(over="ignore"):
+        copy = np.array(array, dtype=dtype, order="C")
+    copy.setflags(write=False)
+    return copy
 
 
 def _described(values: object, array: np.ndarray | None) -> str:
@@ -138,13 +129,3 @@ def _described(values: object, array: np.ndarray | None) -> str:
     if array is not None and array.size > 1 and not isinstance(values, str):
         return f"a {type(values).__name__} of {array.dtype}"
     return shortened(repr(values))
-
-
-def _is_owned(array: np.ndarray, dtype: npt.DTypeLike) -> bool:
-    """Whether an array needs no copy: it has the type and order, and nobody can write into it."""
-    return array.base is None and not array.flags.writeable and array.dtype == dtype and array.flags.c_contiguous
-
-
-def _locked(array: np.ndarray) -> np.ndarray:
-    array.setflags(write=False)
-    return array

@@ -13,7 +13,7 @@ from explicitfe.fem.inputs.limits import NotNegative, Positive
 from explicitfe.fem.mesh.checked_arrays import index_array, number_array
 from explicitfe.fem.mesh.hexmesh import FACES, HexMesh, free_faces
 from explicitfe.fem.model.profile import Profile
-from explicitfe.platform.errors import InputError
+from explicitfe.platform.errors import InputError, shortened
 
 SHARE_ROUNDING = 1e-9
 
@@ -47,15 +47,13 @@ class AttachedMass:
 
 
 @dataclass(frozen=True)
-class FollowerLoad:
-    """Forces on nodes that turn with the body.
-
-    Each force turns with the axes of an element at its node (forces/turning.py).
+class NodalForces:
+    """Forces on nodes with a profile in time.
 
     Parameters
     ----------
     name : for messages.
-    nodes : (k,) node numbers.
+    nodes : (k,) node numbers. Forces on a node that occurs several times add up.
     force_N : (k, 3) forces in the reference state at profile value 1, N.
     profile : activation profile; constant if left out.
 
@@ -70,12 +68,16 @@ class FollowerLoad:
     profile: Profile = field(default_factory=Profile.constant)
 
     def __post_init__(self) -> None:
-        nodes = index_array("FollowerLoad: nodes", self.nodes, None, "node")
-        force_N = number_array("FollowerLoad: force_N", self.force_N, ("k", 3), largest=bounds_of("force_N").largest)
-        if len(force_N) != len(nodes):
-            raise InputError(f"FollowerLoad: force_N has {len(force_N)} rows and nodes {len(nodes)} entries; give one for each.")
+        kind = type(self).__name__
+        nodes, force_N = _per_node(kind, "force_N", self.nodes, self.force_N, ("k", 3), bounds_of("force_N").largest)
+        if not isinstance(self.profile, Profile):
+            raise InputError(f"{kind}: profile must be a Profile, not {shortened(repr(self.profile))}.")
         object.__setattr__(self, "nodes", nodes)
         object.__setattr__(self, "force_N", force_N)
+
+
+class FollowerLoad(NodalForces):
+    """Forces on nodes that turn with the axes of an element at each node (forces/turning.py); see :class:`NodalForces`."""
 
 
 @dataclass(frozen=True)
@@ -186,10 +188,12 @@ class AirDrag:
             number_like(f"AirDrag: {name}", getattr(self, name), NotNegative, name)
 
 
-def _per_node(kind: str, name: str, nodes: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Node numbers and one number for each."""
+def _per_node(
+    kind: str, name: str, nodes: np.ndarray, values: np.ndarray, shape: tuple[int | str, ...] = ("k",), largest: float = np.inf
+) -> tuple[np.ndarray, np.ndarray]:
+    """Node numbers and one number, or one row, for each."""
     nodes = index_array(f"{kind}: nodes", nodes, None, "node")
-    numbers = number_array(f"{kind}: {name}", values, ("k",))
+    numbers = number_array(f"{kind}: {name}", values, shape, largest=largest)
     if len(numbers) != len(nodes):
         raise InputError(f"{kind}: {name} has {len(numbers)} entries and nodes {len(nodes)}; give one for each.")
     return nodes, numbers

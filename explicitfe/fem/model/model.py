@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import TypeVar
+from typing import TypeVar, get_args, get_origin, get_type_hints
 
 import numpy as np
 
@@ -18,7 +18,7 @@ from explicitfe.fem.inputs.limits import ElementName, NotNegative
 from explicitfe.fem.materials import Law
 from explicitfe.fem.mesh.checked_arrays import check_range, index_array, mask_array, number_array
 from explicitfe.fem.mesh.hexmesh import HexMesh, MaterialPoints
-from explicitfe.fem.model.attached import AirDrag, AttachedMass, FacePressure, FollowerLoad, HangingWeight
+from explicitfe.fem.model.attached import AirDrag, AttachedMass, FacePressure, FollowerLoad, HangingWeight, NodalForces
 from explicitfe.fem.model.profile import Profile
 from explicitfe.fem.model.surface_contact import SurfaceContact
 from explicitfe.platform.compiled.arrays import Springs
@@ -28,37 +28,16 @@ PartT = TypeVar("PartT")
 
 
 @dataclass(frozen=True)
-class NodalLoad:
+class NodalLoad(NodalForces):
     """Forces of fixed direction on nodes.
 
     Parameters
     ----------
-    name : of the load, for messages.
-    nodes : (k,) node numbers. Forces on a node that occurs several times add up.
-    force_N : (k, 3) forces at profile value 1, N.
-    profile : activation profile; constant if left out.
+    name, nodes, force_N, profile : see :class:`NodalForces`.
     of_muscle : whether a muscle causes the load, so that effects of muscles, such as an activation lag, act on its profile.
-
-    Raises
-    ------
-    InputError : an array of another shape or type, or a number out of range.
     """
 
-    name: str
-    nodes: np.ndarray
-    force_N: np.ndarray
-    profile: Profile = field(default_factory=Profile.constant)
     of_muscle: bool = False
-
-    def __post_init__(self) -> None:
-        nodes = index_array("NodalLoad: nodes", self.nodes, None, "node")
-        force_N = number_array("NodalLoad: force_N", self.force_N, ("k", 3), largest=bounds_of("force_N").largest)
-        if len(force_N) != len(nodes):
-            raise InputError(f"NodalLoad: force_N has {len(force_N)} rows and nodes {len(nodes)} entries; give a force for each.")
-        if not isinstance(self.profile, Profile):
-            raise InputError(f"NodalLoad: profile must be a Profile, not {shortened(repr(self.profile))}.")
-        object.__setattr__(self, "nodes", nodes)
-        object.__setattr__(self, "force_N", force_N)
 
 
 @dataclass(frozen=True)
@@ -360,18 +339,13 @@ class Model:
             raise InputError(f"Model: copies = {self.copies:g} is not possible: it must be above 0.")
         if self.stiffness is not None:
             self._check_stiffness(bounds_of("stiffness").smallest)
-        kinds: tuple[tuple[str, type], ...] = (
-            ("loads", NodalLoad), ("pulls", FibrePull), ("stresses", FibreStress), ("bones", Bone), ("attachments", Attachment),
-            ("inclusions", Inclusion), ("effects", MaterialEffect), ("masses", AttachedMass), ("followers", FollowerLoad),
-            ("weights", HangingWeight), ("pressures", FacePressure),
-        )  # fmt: skip
-        for name, kind in kinds:
-            object.__setattr__(self, name, _tuple_of(f"Model: {name}", getattr(self, name), kind))
-        names = ("motion", "tool", "sector", "support", "air", "surfaces")
-        single: tuple[type, ...] = (PrescribedMotion, Tool, RotationalSymmetry, Springs, AirDrag, SurfaceContact)
-        for name, kind in zip(names, single, strict=True):
-            if not isinstance(getattr(self, name), kind | None):
-                raise InputError(f"Model: {name} must be a {kind.__name__}, not {shortened(repr(getattr(self, name)))}.")
+        for name, annotation in get_type_hints(Model).items():
+            kind, *others = get_args(annotation) or (object,)
+            value = getattr(self, name)
+            if get_origin(annotation) is tuple and isinstance(kind, type) and kind is not str:
+                object.__setattr__(self, name, _tuple_of(f"Model: {name}", value, kind))
+            elif others == [type(None)] and kind is not np.ndarray and not isinstance(value, kind | None):
+                raise InputError(f"Model: {name} must be a {kind.__name__}, not {shortened(repr(value))}.")
         self._check_nodes_and_elements()
         self._check_inclusions()
         self.mesh.held(*self.fixed)  # refuses unknown names

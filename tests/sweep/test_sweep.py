@@ -21,7 +21,6 @@ from explicitfe.platform.errors import InputError, MachineError
 from explicitfe.results.files import open_result
 from explicitfe.results.measure.measure import measure
 from explicitfe.results.measure.numbers import flat
-from explicitfe.simulate.sweep import journal as journal_module
 from explicitfe.simulate.sweep import rows
 from explicitfe.simulate.sweep.definition import define
 from explicitfe.simulate.sweep.journal import Journal, Stored
@@ -277,8 +276,7 @@ def test_a_table_is_written_by_whoever_sees_all_rows(whole, tmp_path):
     assert (out / "table.csv").read_bytes() == (whole / "table.csv").read_bytes()
 
 
-def test_more_shares_than_files_may_be_open(tmp_path, monkeypatch):
-    monkeypatch.setattr(journal_module, "MOST_OPEN_JOURNALS", 2)
+def test_rows_of_several_shares_in_any_order(tmp_path):
     for number in range(7):
         with Journal(tmp_path / f"{number}-of-7.jsonl") as journal:
             journal.append([written({"member": number, "status": "finished"})])

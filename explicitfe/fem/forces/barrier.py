@@ -65,13 +65,11 @@ def _sum(a, b):
 
 @leaf
 def _edge(work, which):
-    """An edge in the work array."""
     return load(work, (EDGES + which) * WIDTH), load(work, (EDGES + 12 + which) * WIDTH), load(work, (EDGES + 24 + which) * WIDTH)
 
 
 @leaf
 def _add(work, which, pull, n):
-    """Add pull n to the force on an edge in the work array."""
     for k in range(3):
         at = (FORCES + 12 * k + which) * WIDTH
         store(work, at, load(work, at) + pull * n[k])

@@ -71,8 +71,8 @@ def vector(name: str, value: object, largest: float) -> tuple[float, float, floa
     return x, y, z
 
 
-def finite_number(name: str, value: object) -> float:
-    """A finite number.
+def finite_number(name: str, value: object, smallest: float = -math.inf) -> float:
+    """A finite number that is not below ``smallest``.
 
     Raises
     ------
@@ -86,19 +86,8 @@ def finite_number(name: str, value: object) -> float:
         number = math.inf
     if not math.isfinite(number):
         raise InputError(f"{name} must be a finite number, not {shortened(repr(value))}.")
-    return number
-
-
-def number_from_zero(name: str, value: object) -> float:
-    """A finite number that is 0 or more.
-
-    Raises
-    ------
-    InputError : it is none.
-    """
-    number = finite_number(name, value)
-    if number < 0.0:
-        raise InputError(f"{name} = {number:g} is not possible: it must be 0 or more.")
+    if number < smallest:
+        raise InputError(f"{name} = {number:g} is not possible: it must be {smallest:g} or more.")
     return number
 
 

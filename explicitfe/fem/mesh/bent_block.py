@@ -368,7 +368,6 @@ def _patch_nodes(patches: Sequence[Patch], sides: Sequence[np.ndarray]) -> np.nd
 
 
 def _known(table: Mapping[str, Any], names: Sequence[str], where: str, optional: Sequence[str] = ()) -> None:
-    """Refuse unknown and missing keys."""
     for key in table:
         if key not in (*names, *optional):
             raise InputError(f'{where}: unknown key "{key}"; {nearest(key, (*names, *optional))}')

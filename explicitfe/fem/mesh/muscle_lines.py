@@ -282,7 +282,6 @@ def _refine(line: np.ndarray, cells: tuple[int, int, int]) -> np.ndarray:
 
 
 def _from_anchor(anchor: np.ndarray, points: MaterialPoints) -> MaterialPoints:
-    """The line that starts at a point fixed in space, m."""
     return MaterialPoints(
         element=np.concatenate([[-1], points.element]),
         natural=np.concatenate([np.zeros((1, 3)), points.natural]),

@@ -215,6 +215,5 @@ def _more(faulty: np.ndarray, what: str) -> str:
 
 
 def _list(numbers: np.ndarray) -> str:
-    """'2, 5 and 6'."""
     words = [str(number) for number in numbers]
     return ", ".join(words[:-1]) + " and " + words[-1]

@@ -414,7 +414,6 @@ def _check_material(name: str, material: object) -> None:
 
 
 def _tuple_of(name: str, values: object, kind: type[PartT]) -> tuple[PartT, ...]:
-    """The parts of a model as a tuple, each of one kind."""
     if isinstance(values, (kind, str)) or not isinstance(values, Iterable):
         raise InputError(f"{name} must be a list or a tuple of {kind.__name__}, not {shortened(repr(values))}.")
     parts = tuple(values)

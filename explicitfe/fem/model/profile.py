@@ -7,7 +7,7 @@ from typing import Literal
 
 import numpy as np
 
-from explicitfe.fem.inputs.argument import finite_number, number_from_zero
+from explicitfe.fem.inputs.argument import finite_number
 from explicitfe.fem.mesh.checked_arrays import number_array
 from explicitfe.platform.errors import InputError
 
@@ -44,7 +44,7 @@ class Profile:
             )
         if (np.diff(self.time_s) < 0.0).any():
             raise InputError("Profile: time_s must not decrease; sort the times.")
-        number_from_zero("Profile: lag_s", self.lag_s)
+        finite_number("Profile: lag_s", self.lag_s, 0.0)
 
     @classmethod
     def constant(cls) -> Profile:
@@ -65,7 +65,7 @@ class Profile:
         ------
         InputError : a number that is not finite, a negative ``rise_s``, or an end before the ramp is over.
         """
-        start_s, rise_s = finite_number("Profile.step: start_s", start_s), number_from_zero("Profile.step: rise_s", rise_s)
+        start_s, rise_s = finite_number("Profile.step: start_s", start_s), finite_number("Profile.step: rise_s", rise_s, 0.0)
         if end_s != np.inf and finite_number("Profile.step: end_s", end_s) < start_s + rise_s:
             raise InputError(f"Profile.step: end_s = {end_s:g} is not possible: the step is complete at {start_s + rise_s:g} s.")
         times, scales = [start_s, start_s + rise_s], [0.0, 1.0]

@@ -16,6 +16,7 @@ from explicitfe.fem.solve.look import (
     SHORT_WAIT_STEPS,
     STEPS_IN_A_PERIOD,
     STEPS_THAT_CALL_FOR_ALL_TURNS,
+    Ceilings,
     allow_growth,
     calls_for_another_step,
     is_due,
@@ -40,7 +41,6 @@ from explicitfe.platform.compiled.arrays import (
     STIFFEST,
     WAIT,
     BoneRecord,
-    Ceilings,
 )
 from explicitfe.platform.compiled.contact_arrays import FARTHEST, SPEED
 from explicitfe.platform.compiled.jit import leaf

@@ -428,7 +428,6 @@ class Relaxation(LoadedBody):
             self.set_increment(0.0)  # what is looked at from here on is this instant
 
     def _restore(self) -> None:
-        """Back to the last equilibrium."""
         self.state.u[:] = self._known[-1].u
         self._stop()
         self.contact.return_to(self._known[-1].depth_m, self._drive)

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from explicitfe.fem.inputs.argument import count_like, number_from_zero
+from explicitfe.fem.inputs.argument import count_like, finite_number
 from explicitfe.fem.inputs.limits import ThreadCount
 from explicitfe.fem.model.holders import holders_of
 from explicitfe.fem.model.model import Model
@@ -220,7 +220,7 @@ class Simulation(Body):
 
         ``dt_s``: the first time step, s.
         """
-        number_from_zero("start: dt_s", dt_s)
+        finite_number("start: dt_s", dt_s, 0.0)
         v = self.state.v
         smallest = self._evaluate([part.blocks for part in self.parts])
         nearest = min(part.blocks.corner[CORNER] for part in self.parts)
@@ -254,7 +254,7 @@ class Simulation(Body):
         """
         if isinstance(steps, bool) or not isinstance(steps, int | np.integer) or steps < 0:
             raise InputError(f"advance: steps must be a whole number, 0 or more, not {steps!r}.")
-        self.go(steps, number_from_zero("advance: dt_s", dt_s))
+        self.go(steps, finite_number("advance: dt_s", dt_s, 0.0))
         return self.sound
 
     def go(

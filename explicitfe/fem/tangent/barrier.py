@@ -46,7 +46,6 @@ def _edge(corner, which):
 
 @leaf
 def _change(work, which):
-    """The change of an edge."""
     return (
         load(work, (EDGES_CHANGE + which) * WIDTH),
         load(work, (EDGES_CHANGE + 12 + which) * WIDTH),

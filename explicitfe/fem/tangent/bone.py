@@ -26,13 +26,11 @@ def _corner(values, node):
 
 @leaf
 def _row(bones, block, lane, corner):
-    """Number of the node row of a corner of a face."""
     return int(bones.rows[block, corner, lane]) // ROW
 
 
 @leaf
 def _corners(bones, block, lane, values):
-    """The vectors of node rows at the corners of a face."""
     return (
         _corner(values, _row(bones, block, lane, 0)),
         _corner(values, _row(bones, block, lane, 1)),
@@ -48,7 +46,6 @@ def _change(values, group, node):
 
 @leaf
 def _changes(bones, block, lane, values, group):
-    """The changes of the vectors at the corners of a face, for a group of directions."""
     return (
         _change(values, group, _row(bones, block, lane, 0)),
         _change(values, group, _row(bones, block, lane, 1)),

@@ -31,7 +31,6 @@ def add_dead_changes(loads, activation, instant, tangents):
 
 @leaf
 def _vertex_change(fibres, point, changes, first):
-    """The change of the position of a vertex."""
     x, y, z = splat(0.0), splat(0.0), splat(0.0)
     for corner in range(8):
         at, weight = first + fibres.nodes[point, corner] * (COMPONENTS * WIDTH), fibres.weights[point, corner]
@@ -43,7 +42,6 @@ def _vertex_change(fibres, point, changes, first):
 
 @leaf
 def _add_at_vertex(fibres, point, force, first, f):
-    """Add a force to the nodes that carry a vertex."""
     for corner in range(8):
         at, weight = first + fibres.nodes[point, corner] * (COMPONENTS * WIDTH), fibres.weights[point, corner]
         for k in range(3):

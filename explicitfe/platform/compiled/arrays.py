@@ -282,14 +282,6 @@ class BoneRecord(NamedTuple):
     pressure: np.ndarray  # on each node of the contact faces [Pa], (bones, k)
 
 
-class Ceilings(NamedTuple):
-    """What may happen in a step before the next stability check is due at once."""
-
-    barrier: float  # how stiff the barrier against folding may become, over mass [1/s^2]
-    fall: float  # how far the corner nearest to folding may fall in a step, as a share of what is left of it
-    contact: float  # how much stiffer the contact of a face with a bone may become, over its stiffness at first touch
-
-
 class Addresses(NamedTuple):
     """Where the machine code of functions begins that a course calls."""
 

@@ -73,5 +73,4 @@ def warn_of_storing(folder: str, error: OSError) -> None:
 
 @cache
 def _warn(sentence: str) -> None:
-    """Warn once in a process."""
     warnings.warn(sentence, RunWarning, stacklevel=2)

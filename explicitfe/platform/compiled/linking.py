@@ -358,7 +358,6 @@ class _PartForm(CompileResultCacheImpl):
 
 
 def _part_of_name(name: str) -> Dispatcher | None:
-    """Return the function with this name if this process has imported it, otherwise None."""
     for function, dispatcher in _PARTS.items():
         if name.startswith(f"{function.__module__}.{function.__qualname__}_") and name_of_part(function) == name:
             return dispatcher()
@@ -384,7 +383,6 @@ def _without_bitcode(data: tuple[Any, ...]) -> tuple[Any, ...]:
 
 
 def _is_intact(path: str) -> bool:
-    """Whether a file of the cache can be read and ends with the digest of its content."""
     try:
         content = Path(path).read_bytes()
     except OSError:

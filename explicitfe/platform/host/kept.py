@@ -83,7 +83,6 @@ _digests: dict[int, tuple[weakref.ref[np.ndarray], bytes]] = {}
 
 
 def _lock_arrays(value: object) -> None:
-    """Make the arrays in an answer read-only."""
     if isinstance(value, np.ndarray):
         value.setflags(write=False)
     elif isinstance(value, (tuple, list)):

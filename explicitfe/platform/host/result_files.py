@@ -86,7 +86,6 @@ def _unfinished(path: Path) -> Path:
 
 
 def _suggestion(given: Path) -> str:
-    """End of the sentence on a result that does not exist."""
     unfinished = _unfinished(given)
     if unfinished.exists():
         return f"an interrupted run has left {unfinished}, which 'explicitfe resume' completes."

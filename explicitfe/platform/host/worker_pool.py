@@ -45,7 +45,6 @@ class WorkerPool(ProcessPoolExecutor):
 
 
 def _begin_worker(reports: Connection) -> None:
-    """Prepare a worker process."""
     stopping.leave_signals_to_the_parent()
 
     def report(what: str) -> None:

@@ -275,7 +275,6 @@ _NAMES = {
 
 
 def _difference(key: str, begun: object, wanted: object) -> str:
-    """Describe the difference of an entry in a few words."""
     if key in ("scenario_text", "file_sums", "members_sha256"):
         return {"scenario_text": "another scenario", "file_sums": "other model files"}.get(key, "other runs")
     return f"{key} {shortened(json.dumps(begun))} instead of {shortened(json.dumps(wanted))}"

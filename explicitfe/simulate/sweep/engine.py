@@ -273,7 +273,6 @@ class Bundles:
         return members
 
     def _size(self) -> int:
-        """Number of runs of the next bundle."""
         if self._member_s == 0.0:
             return 1
         share = -(-self._left // (LAST_BUNDLES_PER_WORKER * self._engine.workers))

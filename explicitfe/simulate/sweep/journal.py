@@ -13,12 +13,11 @@ import math
 import os
 import re
 import warnings
-from collections import OrderedDict
 from collections.abc import Iterable, Iterator
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from types import TracebackType
-from typing import Any, BinaryIO, NamedTuple, Self
+from typing import Any, NamedTuple, Self
 from zlib import crc32
 
 from explicitfe.platform.errors import InputError, MachineError, RunWarning
@@ -27,7 +26,6 @@ from explicitfe.results.files import FINISHED
 from explicitfe.simulate.sweep.rows import NUMBER, STATUS, Cell, Row, WrittenRow
 
 COLUMNS_KEY = "columns"
-MOST_OPEN_JOURNALS = 64
 LARGEST_INTEGER_OF_A_CELL = 2**63 - 1
 _COLUMNS_LINE = re.compile(rb'\{"columns": (\[.*\])\}\n')
 _ROW_LINE = re.compile(rb'\{"crc32": "([0-9a-f]{8})", "cells": (\[.*\])\}\n')
@@ -104,25 +102,17 @@ class _Columns(NamedTuple):
     """The columns of rows: their names, and the bytes of the journal that the checksum covers."""
 
     text: bytes
-    names: list[str]
-
-
-class _StoredLine(NamedTuple):
-    """A row in a journal: the offset of its line, the number of its columns, its cells, and whether it has a checksum."""
-
-    offset: int
-    columns: int
-    cells: list[Cell]
-    is_checked: bool
+    names: tuple[str, ...]
 
 
 class RowPlace(NamedTuple):
-    """Where the row of a run is: its journal, the offset in it, the number of its columns, and the status of the run."""
+    """Where the row of a run is: its journal, offset and columns; the status of the run, and whether a checksum confirms it."""
 
-    journal: int
+    path: Path
     offset: int
-    columns: int
+    columns: _Columns
     status: str
+    is_checked: bool
 
 
 class Stored:
@@ -147,18 +137,14 @@ class Stored:
 
     def __init__(self, folder: Path, runs: int | None = None) -> None:
         self.places: dict[int, RowPlace] = {}
-        self._columns: list[_Columns] = []
+        known: dict[bytes, _Columns] = {}
         unchecked = 0
         try:
-            self._paths = sorted(folder.glob("*.jsonl"), key=lambda path: (path.stat().st_mtime_ns, path.name))
-            for journal, path in enumerate(self._paths):
-                for line in _lines(path, self._columns, runs):
-                    head = dict(zip(self._columns[line.columns].names, line.cells, strict=True))
-                    number, status = head[NUMBER], head[STATUS]
-                    assert isinstance(number, int) and isinstance(status, str)  # _lines has checked them
-                    unchecked += not line.is_checked
+            for path in sorted(folder.glob("*.jsonl"), key=lambda path: (path.stat().st_mtime_ns, path.name)):
+                for number, place in _places(path, known, runs):
+                    unchecked += not place.is_checked
                     if number not in self.places or self.places[number].status != FINISHED:
-                        self.places[number] = RowPlace(journal, line.offset, line.columns, status)
+                        self.places[number] = place
         except OSError as error:
             raise InputError(
                 f"{error.filename or folder}: cannot be read ({reason(error)}); move it out of the folder."
@@ -177,46 +163,38 @@ class Stored:
 
     def rows(self, numbers: Iterable[int] | None = None) -> Iterator[Row]:
         """Rows of all runs in their order, or of some of them."""
-        chosen = sorted(self.places) if numbers is None else numbers
-        files: OrderedDict[int, BinaryIO] = OrderedDict()  # an array of jobs has more journals than may be open at a time
-        try:
-            for number in chosen:
+        with ExitStack() as opened:
+            path, file = None, None
+            for number in sorted(self.places) if numbers is None else numbers:
                 place = self.places[number]
-                if place.journal not in files:
-                    files[place.journal] = self._paths[place.journal].open("rb")
-                    if len(files) > MOST_OPEN_JOURNALS:
-                        files.popitem(last=False)[1].close()
-                files.move_to_end(place.journal)
-                file = files[place.journal]
+                if file is None or path != place.path:  # an array of jobs has more journals than may be open at a time
+                    opened.close()
+                    path, file = place.path, opened.enter_context(place.path.open("rb"))
                 file.seek(place.offset)
-                columns = self._columns[place.columns]
-                yield dict(zip(columns.names, _cells(file.readline(), columns)[0], strict=True))
-        finally:
-            for file in files.values():
-                file.close()
+                yield dict(zip(place.columns.names, _cells(file.readline(), place.columns)[0], strict=True))
 
     def names(self) -> list[str]:
         """The names of all cells, in the order in which they occur, run after run."""
-        used = dict.fromkeys(self.places[number].columns for number in sorted(self.places))
-        return list(dict.fromkeys(name for columns in used for name in self._columns[columns].names))
+        used = {self.places[number].columns.text: self.places[number].columns.names for number in sorted(self.places)}
+        return list(dict.fromkeys(name for names in used.values() for name in names))
 
 
-def _lines(path: Path, columns: list[_Columns], runs: int | None) -> Iterator[_StoredLine]:
-    """The rows of a journal; lists of columns that are new are appended to ``columns``."""
-    chosen, offset = -1, 0
+def _places(path: Path, known: dict[bytes, _Columns], runs: int | None) -> Iterator[tuple[int, RowPlace]]:
+    """The numbers of the runs in a journal, and where their rows are; new columns are added to ``known``."""
+    columns, offset = None, 0
     with path.open("rb") as file:
         for number, line in enumerate(file, 1):
             if not line.endswith(b"\n"):
                 return
             try:
                 if head := _COLUMNS_LINE.fullmatch(line):
-                    chosen = _place_of(head[1], columns)
-                elif chosen < 0:
+                    columns = known[head[1]] = known.get(head[1]) or _columns_of(head[1])
+                elif columns is None:
                     raise ValueError("it names no columns")
                 else:
-                    cells, is_checked = _cells(line, columns[chosen])
-                    _check_run(dict(zip(columns[chosen].names, cells, strict=True)), runs)
-                    yield _StoredLine(offset, chosen, cells, is_checked)
+                    cells, is_checked = _cells(line, columns)
+                    run, status = _checked_run(dict(zip(columns.names, cells, strict=True)), runs)
+                    yield run, RowPlace(path, offset, columns, status, is_checked)
             except (ValueError, RecursionError) as error:
                 raise InputError(
                     f"{path}: line {number} is damaged ({error}). Delete the line, or move the file away if it names columns, "
@@ -225,16 +203,11 @@ def _lines(path: Path, columns: list[_Columns], runs: int | None) -> Iterator[_S
             offset += len(line)
 
 
-def _place_of(text: bytes, columns: list[_Columns]) -> int:
-    """The place of some columns in the list of all; they are appended if they are new."""
-    for place, known in enumerate(columns):
-        if known.text == text:
-            return place
+def _columns_of(text: bytes) -> _Columns:
     names = json.loads(text)
     if not all(isinstance(name, str) for name in names) or len(set(names)) < len(names) or not {NUMBER, STATUS} <= set(names):
         raise ValueError("these are no names of columns")
-    columns.append(_Columns(text, names))
-    return len(columns) - 1
+    return _Columns(text, tuple(names))
 
 
 def _cells(line: bytes, columns: _Columns) -> tuple[list[Cell], bool]:
@@ -264,13 +237,14 @@ def _is_cell(value: Any) -> bool:
     return value is None or isinstance(value, str) or (isinstance(value, float) and math.isfinite(value))
 
 
-def _check_run(head: Row, runs: int | None) -> None:
-    """Refuse a row of a run that the sweep does not have."""
-    number = head[NUMBER]
+def _checked_run(head: Row, runs: int | None) -> tuple[int, str]:
+    """The number and the status of a run; ValueError if the sweep does not have it."""
+    number, status = head[NUMBER], head[STATUS]
     if type(number) is not int or number < 0 or (runs is not None and number >= runs):
         raise ValueError(f"the sweep has no run {number!r}")
-    if not isinstance(head[STATUS], str):
+    if not isinstance(status, str):
         raise ValueError("its status is no text")
+    return number, status
 
 
 def _whole_bytes(path: Path) -> int:

@@ -119,7 +119,6 @@ def _scaled(values: np.ndarray, are_words: bool) -> np.ndarray:
 
 
 def _remark(row: Row) -> str:
-    """The warnings of a row in words."""
     if folded := row.get("folded_elements"):
         return f"{folded} inverted element{'' if folded == 1 else 's'}"
     warnings = row.get("warnings")
@@ -127,7 +126,6 @@ def _remark(row: Row) -> str:
 
 
 def _settings(factors: Sequence[SweepColumn], place: int) -> list[tuple[str, str]]:
-    """The settings of a run in words."""
     settings = []
     for factor in factors:
         value = factor.values[place]

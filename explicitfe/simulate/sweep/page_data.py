@@ -173,7 +173,6 @@ def rows_together(stored: Stored, numbers: Sequence[int]) -> RowsTogether:
 
 
 def _varies(values: np.ndarray) -> bool:
-    """Whether a column varies by more than rounding errors."""
     known = values[np.isfinite(values)]
     largest = float(np.abs(known).max(initial=0.0))
     return largest > SMALLEST_NUMBER_SHOWN and float(np.ptp(known)) > SMALLEST_SHOWN_SPREAD_SHARE * largest
@@ -218,7 +217,6 @@ def _measure_indices(entry: MeasureSensitivity, words: Mapping[str, tuple[str, s
 
 
 def _title(begun: BegunSweep) -> str:
-    """Title of the scenario, or the name of its file."""
     try:
         title = tomllib.loads(begun.scenario_text).get("title")
     except tomllib.TOMLDecodeError:  # one in JSON has none

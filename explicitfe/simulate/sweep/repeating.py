@@ -108,7 +108,6 @@ def commands_of(folder: Path, begun: BegunSweep, members: Members, shown: int | 
 
 
 def _command(begin: str, options: Sequence[tuple[str, str]]) -> str:
-    """A command with its options, broken into lines."""
     lines = [begin]
     for name, value in options:
         option = f"{name} {shlex.quote(value)}"
@@ -157,7 +156,6 @@ def _are_numbers(levels: Sequence[object]) -> bool:
 
 
 def _short(value: object) -> str:
-    """A number without a redundant decimal point."""
     return repr(value).removesuffix(".0")
 
 

@@ -115,7 +115,6 @@ def _write_parquet(path: Path, columns: list[str], members: Members, stored: Sto
 
 
 def _type_of(kinds: set[type]) -> str:
-    """The name of a column's type in Parquet."""
     if kinds == {bool}:
         return "bool_"
     if kinds == {int}:

@@ -32,7 +32,7 @@ def number_array(
     InputError : not numbers, another shape, not finite, or too large.
     """
     wanted = f"numbers of shape ({', '.join(map(str, shape))}{',' * (len(shape) == 1)})"
-    copy = _checked(name, values, "iuf", np.float64, shape, wanted)
+    copy = _read_only(name, values, "iuf", np.float64, shape, wanted)
     if not np.isfinite(copy).all():
         place = np.argwhere(~np.isfinite(copy))[0].tolist()
         where = f"{name}: {rows} {place[0]}" if rows else f"{name}{place}"
@@ -61,7 +61,7 @@ def index_array(
     InputError : not whole numbers, another shape, out of range, or a repeated number.
     """
     shape: tuple[int | str, ...] = ("k",) if columns is None else ("k", columns)
-    copy = _checked(name, values, "iu", np.int64, shape, f"{what} numbers, whole and 0 or more")
+    copy = _read_only(name, values, "iu", np.int64, shape, f"{what} numbers, whole and 0 or more")
     if columns is None:
         check_range(name, copy, count, what)
     if unique and copy.size > 1:
@@ -94,10 +94,10 @@ def mask_array(name: str, values: object, shape: tuple[int, int], hint: str) -> 
     ------
     InputError : another type or shape; the message ends with ``hint``.
     """
-    return _checked(name, values, "b", np.bool_, shape, f"a mask of True and False of shape {shape}", hint)
+    return _read_only(name, values, "b", np.bool_, shape, f"a mask of True and False of shape {shape}", hint)
 
 
-def _checked(
+def _read_only(
     name: str, values: object, kinds: str, dtype: type[np.generic], shape: tuple[int | str, ...], wanted: str, hint: str = ""
 ) -> np.ndarray:
     """A read-only array of one of the ``kinds`` of numpy types, as ``dtype``; letters in ``shape`` stand for any length."""

@@ -193,7 +193,7 @@ def _places(path: Path, known: dict[bytes, _Columns], runs: int | None) -> Itera
                     raise ValueError("it names no columns")
                 else:
                     cells, is_checked = _cells(line, columns)
-                    run, status = _checked_run(dict(zip(columns.names, cells, strict=True)), runs)
+                    run, status = _run_of(dict(zip(columns.names, cells, strict=True)), runs)
                     yield run, RowPlace(path, offset, columns, status, is_checked)
             except (ValueError, RecursionError) as error:
                 raise InputError(
@@ -237,7 +237,7 @@ def _is_cell(value: Any) -> bool:
     return value is None or isinstance(value, str) or (isinstance(value, float) and math.isfinite(value))
 
 
-def _checked_run(head: Row, runs: int | None) -> tuple[int, str]:
+def _run_of(head: Row, runs: int | None) -> tuple[int, str]:
     """The number and the status of a run; ValueError if the sweep does not have it."""
     number, status = head[NUMBER], head[STATUS]
     if type(number) is not int or number < 0 or (runs is not None and number >= runs):

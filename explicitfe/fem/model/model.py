@@ -342,9 +342,11 @@ class Model:
         for name, annotation in get_type_hints(Model).items():
             kind, *others = get_args(annotation) or (object,)
             value = getattr(self, name)
-            if get_origin(annotation) is tuple and isinstance(kind, type) and kind is not str:
+            if not isinstance(kind, type) or kind in (object, str, np.ndarray):
+                continue
+            if get_origin(annotation) is tuple:
                 object.__setattr__(self, name, _tuple_of(f"Model: {name}", value, kind))
-            elif others == [type(None)] and kind is not np.ndarray and not isinstance(value, kind | None):
+            elif others == [type(None)] and not isinstance(value, kind | None):
                 raise InputError(f"Model: {name} must be a {kind.__name__}, not {shortened(repr(value))}.")
         self._check_nodes_and_elements()
         self._check_inclusions()

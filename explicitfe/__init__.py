@@ -23,7 +23,9 @@ _PLACES = {
     "run": "explicitfe.app.api.run",
     "resume": "explicitfe.app.api.run",
     "save": "explicitfe.app.api.run",
-    "sweep": "explicitfe.simulate.sweep.sweep",
+    "sweep": "explicitfe.app.api.sweep",
+    "SweepDesign": "explicitfe.app.api.sweep",
+    "SweepExecution": "explicitfe.app.api.sweep",
     "gradient": "explicitfe.simulate.sweep.gradient",
     "check": "explicitfe.simulate.run.check",
     "check_dataset": "explicitfe.inverse.close_loop.outlook",
@@ -105,6 +107,9 @@ if TYPE_CHECKING:  # the same names for type checkers and editors; a test compar
     from explicitfe.app.api.run import resume as resume
     from explicitfe.app.api.run import run as run
     from explicitfe.app.api.run import save as save
+    from explicitfe.app.api.sweep import SweepDesign as SweepDesign
+    from explicitfe.app.api.sweep import SweepExecution as SweepExecution
+    from explicitfe.app.api.sweep import sweep as sweep
     from explicitfe.app.api.view import view as view
     from explicitfe.fem.effects.material.compressible import Compressible as Compressible
     from explicitfe.fem.effects.material.discovered_law import DiscoveredLaw as DiscoveredLaw
@@ -151,7 +156,6 @@ if TYPE_CHECKING:  # the same names for type checkers and editors; a test compar
     from explicitfe.simulate.anatomy.tongue import tongue_model as tongue_model
     from explicitfe.simulate.run.check import check as check
     from explicitfe.simulate.sweep.gradient import gradient as gradient
-    from explicitfe.simulate.sweep.sweep import sweep as sweep
 
 
 def __getattr__(name: str) -> Any:

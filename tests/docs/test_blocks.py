@@ -56,7 +56,7 @@ def test_every_command_exists_with_its_options(page, monkeypatch):
 
     from explicitfe.app.cli.app import app
 
-    monkeypatch.setattr("explicitfe.app.cli.options.find_result", lambda path: path)  # no result is needed to parse a command
+    monkeypatch.setattr("explicitfe.app.cli.command.find_result", lambda path: path)  # no result is needed to parse a command
     group = typer.main.get_command(app)
     for block in blocks_of(page):
         for line in commands_of(block) if block.language == "bash" else ():

@@ -68,8 +68,9 @@ def test_what_the_page_says(folder: Path, tmp_path: Path) -> None:
         "contact with the palate: area (mm²)",
         "All 60 runs that have a row.",
         "inverted 9 at 3.5 ms element 3 folded. 3, 10, 17, 24, 31, 38, …",
-        "explicitfe sweep",
-        "--vary muscle.GGp.force_N=0:4 --vary muscle.GGa.force_N=0:1",
+        "explicitfe sweep vowel-i",
+        "--vary muscle.GGp.force_N=0:4",
+        "--vary muscle.GGa.force_N=0:1",
         "--random 60",
     ):
         assert part in text, part

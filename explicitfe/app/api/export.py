@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from explicitfe.app.api.source import Source, folder_of, path_of
-from explicitfe.fem.inputs.argument import finite_number
 from explicitfe.platform.errors import Progress, silent
-from explicitfe.results.files.export.export import ExportedResult
-from explicitfe.results.files.export.export import export as export_file
+
+if TYPE_CHECKING:
+    from explicitfe.results.files.export.export import ExportedResult
 
 
 def export(
@@ -28,12 +29,12 @@ def export(
     Parameters
     ----------
     result : path, name in ``outputs/``, open result, or summary of a run.
-    to : "csv" or "parquet" (tables), "mat" or "npz" (all arrays), "vtu" (mesh at one time), "stl" (surface at one time), or a
-        list of these.
-    out : output folder; that of the result if left out.
-    time_s : time for vtu and stl, of which the nearest stored time is used, s; the last one if left out.
-    positions : positions of the named points in tables, instead of displacements.
-    history : all histories in tables.
+    to : format, or several: csv or parquet (tables of the points), vtu (mesh at one time), stl (surface at one time), mat or npz
+        (all arrays).
+    out : output folder; by default that of the result.
+    time_s : time for vtu and stl, s; the nearest stored time is used; by default the last one.
+    positions : write positions instead of displacements into tables.
+    history : add energies and all other histories to tables.
     overwrite : replace existing files.
     progress : called with the stage and the share of it that is done.
 
@@ -46,6 +47,9 @@ def export(
     InputError : no such result, format or time, or a file exists or cannot be written.
     MachineError : the disk is full; no file was written.
     """
+    from explicitfe.fem.inputs.argument import finite_number
+    from explicitfe.results.files.export.export import export as export_file
+
     folder = None if out is None else folder_of(out, "export: out")
     time_s = None if time_s is None else finite_number("export: time_s", time_s)
     return export_file(

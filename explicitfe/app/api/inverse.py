@@ -4,25 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
-from explicitfe.app.api.write_identification import SUMMARY_FILE, write_identification
-from explicitfe.app.view.page.design import design_page
-from explicitfe.app.view.page.predict import predict_page
-from explicitfe.inverse.close_loop.close import USUAL_MAX_EFFECTS, find_causes
-from explicitfe.inverse.close_loop.design import plan_test
-from explicitfe.inverse.close_loop.propose import propose, protocols_of
-from explicitfe.inverse.close_loop.report import SUMMARY, LoopDocuments
-from explicitfe.inverse.identify.identify import identify_constants
-from explicitfe.inverse.predict.predict import predict_curves
 from explicitfe.platform.errors import Progress, silent
-from explicitfe.results.documents.document import Document
-from explicitfe.results.documents.identification import Identification
-from explicitfe.results.documents.loop_report import LoopReport
-from explicitfe.results.documents.planned_test import PlannedTest
-from explicitfe.results.documents.prediction import Prediction
-from explicitfe.results.documents.proposed_tests import ProposedTests
-from explicitfe.results.files.folder import checked_target, drawing, whole_folder
+
+if TYPE_CHECKING:  # the command line reads signatures and docstrings before it imports what computes
+    from explicitfe.inverse.close_loop.report import LoopDocuments
+    from explicitfe.results.documents.document import Document
+    from explicitfe.results.documents.identification import Identification
+    from explicitfe.results.documents.loop_report import LoopReport
+    from explicitfe.results.documents.planned_test import PlannedTest
+    from explicitfe.results.documents.prediction import Prediction
+    from explicitfe.results.documents.proposed_tests import ProposedTests
 
 PREDICTION_FILE, PREDICTION_PAGE = "predict.json", "predict.html"
 PLAN_FILE, PLAN_PAGE = "design-test.json", "design-test.html"
@@ -46,16 +39,16 @@ def identify(
 
     Parameters
     ----------
-    dataset : the folder, its dataset.toml, or the name of a dataset that comes with the program.
-    law : "yeoh", "neo-hooke", "mooney-rivlin", "yeoh-3", "ogden-1", "ogden-2" or "ogden-3"; "all" fits all laws and reports the
-        one with the lowest AICc; None is Yeoh, compared with all laws in homogeneous tests.
-    method : "least-squares", or "paper", the iteration of Gérard et al. (2005).
-    out : folder for identify.json, pictures, and a scenario with the fitted constants; nothing is written if left out.
-    fit : "KEY=VALUE" on conditions: curves that do not match are predicted only.
-    constants_by : ``group`` or a condition: curves with the same value share their constants.
-    poisson : Poisson's ratio, which is assumed, not fitted; None: homogeneous tests are incompressible, elements have 0.499.
-    refinement : divides the element sizes of the forward model.
-    overwrite : replace the files of an earlier identification in ``out``.
+    dataset : folder of the dataset, its dataset.toml, or the name of a dataset that comes with the program.
+    law : material law: yeoh | neo-hooke | mooney-rivlin | yeoh-3 | ogden-1 | ogden-2 | ogden-3 | all. With all, the law with the
+        lowest AICc is reported; by default yeoh, compared with all laws in homogeneous tests.
+    method : fitting method: least-squares | paper (the iteration of Gérard et al. 2005).
+    out : output folder for identify.json, a page, pictures and a scenario with the fitted constants; by default none is written.
+    fit : fit only curves with this condition, KEY=VALUE, and predict the others.
+    constants_by : condition, or group, by which curves share constants: those with the same value share them.
+    poisson : Poisson's ratio. It is assumed, not fitted; by default 0.5 (incompressible) in closed forms, 0.499 in elements.
+    refinement : mesh refinement of the simulations: divides the element size.
+    overwrite : replace the files of an earlier identification.
     progress : called with "compile" or "identify" and the completed share.
 
     Returns
@@ -67,6 +60,10 @@ def identify(
     InputError : the dataset or an option cannot be used. Nothing is written.
     RunError : no group could be identified.
     """
+    from explicitfe.app.api.write_identification import SUMMARY_FILE, write_identification
+    from explicitfe.inverse.identify.identify import identify_constants
+    from explicitfe.results.files.folder import checked_target
+
     target = None if out is None else checked_target(Path(out), overwrite, summary=SUMMARY_FILE, what="identification")
     identification, pictures = identify_constants(
         dataset,
@@ -101,14 +98,14 @@ def predict(
     Parameters
     ----------
     dataset : folder of the dataset, its dataset.toml, or the name of a dataset that comes with the program.
-    model : model file, such as model.toml of :func:`close_loop`.
-    out : folder for predict.json, a page and one CSV file per curve; nothing is written if left out.
-    curves : ids; all if left out.
-    refinement : divides the element sizes; the model's own if left out.
+    model : model file (TOML) with constants and effects, such as model.toml of :func:`close_loop`.
+    out : output folder for predict.json, a page and one CSV file per curve; by default none is written.
+    curves : ids of the curves to predict; by default all.
+    refinement : divide element sizes by this factor; by default that of the model file.
     density : multiplies the numbers of instants of tests under a tool; the model's own if left out.
     tolerance : relative force residual of an equilibrium; the model's own if left out.
     processes : largest number of processes; the number of cores if left out.
-    overwrite : replace an earlier prediction.
+    overwrite : replace existing results.
     progress : called with the stage and the share of it that is done.
 
     Returns
@@ -119,6 +116,10 @@ def predict(
     ------
     InputError : a file, a key or an option cannot be used.
     """
+    from explicitfe.app.view.page.predict import predict_page
+    from explicitfe.inverse.predict.predict import predict_curves
+    from explicitfe.results.files.folder import checked_target
+
     target = None if out is None else checked_target(Path(out), overwrite, summary=PREDICTION_FILE, what="prediction")
     prediction, files = predict_curves(
         dataset,
@@ -146,7 +147,7 @@ def close_loop(
     holdout: Sequence[str] = (),
     constants_by: str | None = None,
     effects: Sequence[str] = (),
-    max_effects: int = USUAL_MAX_EFFECTS,
+    max_effects: int = 3,
     simulations: int | Literal["usual"] | None = None,
     minutes: float | None = None,
     processes: int | None = None,
@@ -159,20 +160,19 @@ def close_loop(
     ----------
     dataset : folder of the dataset, its dataset.toml, or the name of a dataset that comes with the program.
     out : folder for report.html, report.json, pictures and model files; nothing is written if it is left out.
-    add : folders of further datasets of the same specimen and machine, whose curves are fitted together with the others,
-        such as tests that a report proposed.
-    holdout : ids of curves that are only predicted; chosen by the dataset or by a rule if left out.
-    constants_by : condition, or "group", by which curves share their constants; as the dataset says if left out, unless equal
-        tests on several specimens show that one set cannot serve all of them.
-    effects : names of those that are considered; all if left out.
-    max_effects : most effects (or terms of one) that are added.
+    add : further datasets of the same specimen and machine whose curves are fitted too, such as a proposed test.
+    holdout : ids of curves to hold out: they are predicted and not fitted; by default chosen by the dataset or by a rule.
+    constants_by : condition, or group, by which curves share constants, such as direction; by default as the dataset says, unless
+         equal tests on several specimens show that one set cannot serve all of them.
+    effects : names of the effects to consider; by default all.
+    max_effects : largest number of effects to add; several terms of one effect count separately.
     simulations : the search ends after so many simulations, but fits may take as many as what precedes them. "usual" is 4 000 for
         homogeneous tests and 200 elsewhere, None is no limit. Hypotheses that were not fitted keep their estimates, and a warning
         names them. The verdict does not depend on the machine.
     minutes : safety limit on the time, even within a simulation; None is no limit. A search that it ends before the effects are
         screened has the verdict "failed".
     processes : at most so many; one a core if left out.
-    overwrite : replace an earlier report.
+    overwrite : replace an existing report.
     progress : called with the stage and the share of it that is done.
 
     Returns
@@ -183,6 +183,10 @@ def close_loop(
     ------
     InputError : a dataset or an option that cannot be used; nothing is written.
     """
+    from explicitfe.inverse.close_loop.close import find_causes
+    from explicitfe.inverse.close_loop.report import SUMMARY
+    from explicitfe.results.files.folder import checked_target
+
     target = None if out is None else checked_target(Path(out), overwrite, summary=SUMMARY, what="report")
     documents = find_causes(
         dataset,
@@ -209,6 +213,8 @@ def write_loop(target: Path, documents: LoopDocuments) -> None:
     InputError : the folder cannot be written.
     """
     from explicitfe.app.view.page.close_loop import page as loop_page
+    from explicitfe.inverse.close_loop.report import SUMMARY
+    from explicitfe.results.files.folder import drawing, whole_folder
 
     report = documents.report
     with whole_folder(target, summary=SUMMARY) as folder:
@@ -233,8 +239,8 @@ def design_test(
     Parameters
     ----------
     protocol : a protocol file, see docs/reference/close-loop.md, or the name of a protocol that comes with the program.
-    out : folder for design-test.json and a page; nothing is written if left out.
-    overwrite : replace an earlier answer.
+    out : output folder for the results (JSON) and a page (HTML); by default none is written.
+    overwrite : replace existing results.
 
     Returns
     -------
@@ -246,6 +252,10 @@ def design_test(
     InputError : a protocol that cannot be used, or a folder that cannot be written.
     RunError : the simulator cannot follow it.
     """
+    from explicitfe.app.view.page.design import design_page
+    from explicitfe.inverse.close_loop.design import plan_test
+    from explicitfe.results.files.folder import checked_target
+
     target = None if out is None else checked_target(Path(out), overwrite, summary=PLAN_FILE, what="plan of a test")
     planned = plan_test(protocol, processes=processes, progress=progress)
     if target is not None:
@@ -274,6 +284,9 @@ def propose_tests(
     ------
     InputError : a dataset or a report that cannot be used, or a folder that cannot be written.
     """
+    from explicitfe.inverse.close_loop.propose import propose, protocols_of
+    from explicitfe.results.files.folder import checked_target
+
     target = None if out is None else checked_target(Path(out), overwrite, summary=PROPOSALS_FILE, what="proposal")
     proposed, report = propose(dataset, processes=processes, progress=progress)
     if target is not None:
@@ -285,6 +298,8 @@ def propose_tests(
 
 def _write(target: Path, summary: str, document: Document, files: dict[str, str]) -> None:
     """Write a document and other texts into a folder, completely or not at all."""
+    from explicitfe.results.files.folder import whole_folder
+
     with whole_folder(target, summary=summary) as folder:
         _fill(folder, summary, document, files)
 

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from explicitfe.app.api.source import Source, path_of
-from explicitfe.fem.inputs.argument import finite_number
-from explicitfe.results.measure.document import Measures
-from explicitfe.results.measure.measure import measure as measure_file
+
+if TYPE_CHECKING:
+    from explicitfe.results.measure.document import Measures
 
 
 def measure(result: Source, time_s: float | None = None, *, formants: bool = False) -> Measures:
@@ -14,8 +16,8 @@ def measure(result: Source, time_s: float | None = None, *, formants: bool = Fal
     Parameters
     ----------
     result : path, name in ``outputs/``, open result, or summary of a run.
-    time_s : the stored time nearest to it is measured, s; the last one if left out.
-    formants : whether to compute the airway and the formants F1 to F3 too.
+    time_s : time, s; the nearest stored time is measured; by default the last one.
+    formants : also measure the airway and the formants F1 to F3.
 
     Returns
     -------
@@ -26,5 +28,8 @@ def measure(result: Source, time_s: float | None = None, *, formants: bool = Fal
     ------
     InputError : no such result or time, an indentation, or formants of a model without an airway.
     """
+    from explicitfe.fem.inputs.argument import finite_number
+    from explicitfe.results.measure.measure import measure as measure_file
+
     time_s = None if time_s is None else finite_number("measure: time_s", time_s)
     return measure_file(path_of(result), time_s, formants)

@@ -4,16 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from explicitfe.app.api.open_result import NotebookResult, open_result
 from explicitfe.app.api.source import folder_of, path_of
-from explicitfe.fem.solve.simulation import Simulation
 from explicitfe.platform.errors import InputError, Progress, shortened, silent
-from explicitfe.results.files import FINISHED
-from explicitfe.simulate.run.resume import resume as resume_run
-from explicitfe.simulate.run.run import run as run_scenario
-from explicitfe.simulate.run.save import save as save_run
-from explicitfe.simulate.scenario.read import setting_texts
+
+if TYPE_CHECKING:
+    from explicitfe.app.api.open_result import NotebookResult
+    from explicitfe.fem.solve.simulation import Simulation
 
 
 class RunResult(dict[str, object]):
@@ -30,10 +28,12 @@ class RunResult(dict[str, object]):
     @property
     def finished(self) -> bool:
         """Whether the run reached its end; otherwise ``self["message"]`` says why not."""
-        return self["status"] == FINISHED
+        return self["status"] == "finished"
 
     def open(self) -> NotebookResult:
         """Open the result; see :func:`open_result`."""
+        from explicitfe.app.api.open_result import open_result
+
         return open_result(self)
 
     def __repr__(self) -> str:
@@ -70,12 +70,12 @@ def run(
     Parameters
     ----------
     scenario : scenario file, or a name of ``explicitfe list scenarios``, such as "vowel-i".
-    out : folder of the result, created if it does not exist.
-    name : of the result; that of the scenario if left out.
+    out : output folder, created if it does not exist.
+    name : name of the result; by default that of the scenario.
     settings : values that replace those of the scenario: ``{"model.resolution": "coarse"}``, or a list of texts
         ``"model.resolution=coarse"``.
     overwrite : replace an existing result.
-    resume : resume an interrupted run of this scenario, if there is one.
+    resume : resume an interrupted run of this scenario; start one if there is none.
     progress : called with the stage and the share of it that is done.
 
     Returns
@@ -87,6 +87,9 @@ def run(
     ------
     InputError : nothing was run and nothing was written.
     """
+    from explicitfe.simulate.run.run import run as run_scenario
+    from explicitfe.simulate.scenario.read import setting_texts
+
     if name is not None and not isinstance(name, str):
         raise InputError(f"run: name must be a text, not {shortened(repr(name))}.")
     folder, texts = folder_of(out, "run: out"), setting_texts(settings)
@@ -128,6 +131,8 @@ def save(
     ------
     InputError : a value is out of range, or the file exists or cannot be written.
     """
+    from explicitfe.simulate.run.save import save as save_run
+
     return RunResult(
         save_run(
             simulation,
@@ -151,7 +156,7 @@ def resume(result: Path | str, *, overwrite: bool = False, threads: int | None =
     ----------
     result : the interrupted result, ``NAME.running.vtkhdf``, or its name in the folder ``outputs``.
     overwrite : replace a finished result that has the final name of this run.
-    threads : number of threads from here on; that of the scenario if left out.
+    threads : number of threads; by default as before.
     progress : called with the stage and the share of it that is done.
 
     Raises
@@ -159,5 +164,7 @@ def resume(result: Path | str, *, overwrite: bool = False, threads: int | None =
     InputError : the file is no result, is being written, belongs to a run that failed, or its model cannot be built again
         identically.
     """
+    from explicitfe.simulate.run.resume import resume as resume_run
+
     path = result if isinstance(result, Path | str) else path_of(result)
     return RunResult(resume_run(path, overwrite=overwrite, threads=threads, progress=progress))

@@ -5,12 +5,15 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 from pathlib import Path
+from typing import TYPE_CHECKING, TypeAlias
 
 from explicitfe.platform.errors import InputError, shortened
 from explicitfe.platform.host.result_files import SWEEP_FILE, find_result
-from explicitfe.results.files import Recorded
 
-Source = Recorded | Mapping[str, object] | Path | str
+if TYPE_CHECKING:
+    from explicitfe.results.files import Recorded
+
+Source: TypeAlias = "Recorded | Mapping[str, object] | Path | str"
 """A result: its path, its name in ``outputs/``, an open result, or the summary of a run."""
 
 
@@ -26,6 +29,8 @@ def path_of(source: Source, name: str = "result") -> Path:
     ------
     InputError : there is no such result, or it is none of these types.
     """
+    from explicitfe.results.files import Recorded  # takes half a second to import
+
     if isinstance(source, Recorded):
         return source.path
     given = source.get("result") if isinstance(source, Mapping) else source

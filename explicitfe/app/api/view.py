@@ -7,13 +7,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, get_args
 
 from explicitfe.app.api.source import Source, folder_of, path_of
-from explicitfe.app.view.scene.plotter import plotter_of
-from explicitfe.app.view.scene.show import FILM_S, SIZE_PX, FileKind, check_sizes, show
-from explicitfe.fem.inputs.argument import finite_number
 from explicitfe.platform.errors import InputError, Progress, shortened, silent
 
 if TYPE_CHECKING:
     import pyvista
+
+    from explicitfe.app.view.scene.show import FileKind
 
 
 def view(
@@ -23,10 +22,10 @@ def view(
     field: str = "displacement",
     time_s: float | None = None,
     without: Sequence[str] = (),
-    size_px: tuple[int, int] = SIZE_PX,
+    size_px: tuple[int, int] = (960, 720),
     file: FileKind | None = None,
     folder: Path | str | None = None,
-    film_s: float = FILM_S,
+    film_s: float = 4.0,
     overwrite: bool = False,
     progress: Progress = silent,
 ) -> pyvista.Plotter | Path:
@@ -35,16 +34,16 @@ def view(
     Parameters
     ----------
     result : path, name in ``outputs/``, open result, or summary of a run.
-    viewpoint : "midsagittal" (cut in the middle), "side", "front", "top" or "oblique"; chosen by the kind of result if left out.
-    field : the stored field that colours the body, or "none".
-    time_s : the time shown, s; a film ends there. The end if left out.
-    without : parts that are hidden: "bones", "fibres" (of muscles), "rest" (the shape at rest) or "context" (lips, hyoid bone
-        and larynx).
+    viewpoint : name of the viewpoint: midsagittal (cut in half), side, oblique, top or front; by default midsagittal, of a
+        specimen oblique.
+    field : stored field that colours the body, or none.
+    time_s : time of a picture and end of a film, s; by default the last one.
+    without : parts to hide: bones, fibres (of muscles), rest (the shape at rest) or context (lips, hyoid bone and larynx).
     size_px : width and height, pixels.
     file : "png", "gif" or "mp4" to write a file instead.
-    folder : of the file; that of the result if left out.
+    folder : output folder; by default that of the result.
     film_s : duration of a film, s.
-    overwrite : replace an existing file.
+    overwrite : replace existing files.
     progress : called with the stage and the share of it that is done.
 
     Returns
@@ -56,6 +55,10 @@ def view(
     InputError : no such result, field, viewpoint or time, the file exists, or pyvista is not installed.
     MachineError : this machine cannot render.
     """
+    from explicitfe.app.view.scene.plotter import plotter_of
+    from explicitfe.app.view.scene.show import FileKind, check_sizes, show
+    from explicitfe.fem.inputs.argument import finite_number
+
     path = path_of(result)
     time_s = None if time_s is None else finite_number("view: time_s", time_s)
     check_sizes(size_px, finite_number("view: film_s", film_s))

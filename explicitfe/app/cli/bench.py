@@ -2,25 +2,22 @@
 
 from __future__ import annotations
 
-from typing import Annotated
-
-import typer
+from collections.abc import Sequence
 
 from explicitfe.app.cli.answer import console, print_answer
-from explicitfe.app.cli.options import JsonOption
+from explicitfe.app.cli.command import command
 from explicitfe.app.view.progress import following
 
 
-def bench(
-    sizes: Annotated[
-        list[int] | None,
-        typer.Option("--elements", metavar="N", help="Number of elements: 1000 | 30000 | 250000; repeatable."),
-    ] = None,
-    as_json: JsonOption = False,
-) -> None:
+@command()
+def bench(*, sizes: Sequence[int] = (), as_json: bool = False) -> None:
     """Measure the time per element and time step on this machine, and compare it with the documented time.
 
     Example: [bold]explicitfe bench --elements 1000 --elements 30000[/bold]
+
+    Parameters
+    ----------
+    sizes : number of elements: 1000 | 30000 | 250000.
     """
     with following(console, "starting") as progress:
         from explicitfe.app.tools.speed import TIMED_SIZES

@@ -2,33 +2,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
-
-import typer
 
 from explicitfe.app.cli.answer import console, print_answer
+from explicitfe.app.cli.command import command
 from explicitfe.app.cli.completion import complete_scenario_or_dataset
-from explicitfe.app.cli.options import JsonOption, SettingsOption, TissueGroupOption, TissueOption, tissue_settings_of
+from explicitfe.app.cli.options import tissue_settings_of
 from explicitfe.app.view.progress import following
 from explicitfe.platform.errors import InputError
 from explicitfe.platform.host.shipped import is_dataset
 
 
+@command(file="SCENARIO|DATASET", completions={"file": complete_scenario_or_dataset})
 def check(
-    file: Annotated[
-        Path,
-        typer.Argument(
-            metavar="SCENARIO|DATASET",
-            help="Scenario file (TOML), folder of a dataset, or a name from `explicitfe list`.",
-            show_default=False,
-            autocompletion=complete_scenario_or_dataset,
-        ),
-    ],
-    settings: SettingsOption = None,
-    tissue: TissueOption = None,
-    tissue_group: TissueGroupOption = None,
-    as_json: JsonOption = False,
+    file: Path,
+    *,
+    settings: Sequence[str] = (),
+    tissue: Path | None = None,
+    tissue_group: str | None = None,
+    as_json: bool = False,
 ) -> None:
     """Validate a scenario or a dataset without computing it.
 
@@ -36,6 +29,10 @@ def check(
     dataset, the curves, the fitted and the held-out ones, and the effects that they can show are reported.
 
     Example: [bold]explicitfe check vowel-i --set model.resolution=fine[/bold]
+
+    Parameters
+    ----------
+    file : scenario file (TOML), folder of a dataset, or a name from ``explicitfe list``.
     """
     if is_dataset(file):
         if settings or tissue is not None or tissue_group is not None:
@@ -51,7 +48,7 @@ def check(
         from explicitfe.simulate.run.prepare import prepare
 
         tissue_settings, notes = tissue_settings_of(file, tissue, tissue_group)
-        analysis = prepare(file, [*tissue_settings, *(settings or ())], notes)
+        analysis = prepare(file, [*tissue_settings, *settings], notes)
         report = analysis.check(progress)
         from explicitfe.app.view.terminal.kinds import KINDS
 

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal, cast
-
-import typer
+from typing import TYPE_CHECKING, Any, Literal, cast
 
 from explicitfe.app.cli.answer import console, print_answer
+from explicitfe.app.cli.command import command
 from explicitfe.app.cli.completion import complete_words
-from explicitfe.app.cli.grouped import with_options
-from explicitfe.app.cli.options import JsonOption, OverwriteFilesOption, ResultArgument
 from explicitfe.app.view.progress import following
 from explicitfe.platform.errors import InputError, nearest
 from explicitfe.platform.host.result_files import find_result
@@ -25,121 +23,43 @@ if TYPE_CHECKING:
     from explicitfe.results.measure.recording import RecordingComparison
 
 REGISTRATIONS = ("rest", "movement", "none")
-# Options that only recordings have.
-OF_RECORDINGS = (
-    "mapping",
-    "register",
-    "reference_s",
-    "offset_s",
-    "head",
-    "unit",
-    "rate_hz",
-    "axes",
-    "picture",
-    "palate",
-    "overwrite",
-)
 RECORDING_SUFFIXES = (*TABLE_SUFFIXES, *MARKER_SUFFIXES)
 
 
-@dataclass(frozen=True)
-class CompareOptions:
-    """Options of ``explicitfe compare``."""
+@dataclass(frozen=True, kw_only=True)
+class RecordingOptions:
+    """Options that only the comparison with a recording has.
 
-    tolerance: Annotated[
-        float | None,
-        typer.Option(
-            "--tolerance",
-            metavar="SHARE",
-            help="Exit with code 3 if displacements differ by more than this share of the largest displacement.",
-            show_default=False,
-        ),
-    ] = None
-    mapping: Annotated[
-        list[str] | None,
-        typer.Option("--map", metavar="POINT=SENSOR", help="Map a point of the model to a sensor; repeat for several."),
-    ] = None
-    register: Annotated[
-        str | None,
-        typer.Option(
-            "--register",
-            metavar="METHOD",
-            help="Rigid registration fitted to: rest (positions at rest) | movement (all positions) | none.",
-            show_default="rest",
-            autocompletion=complete_words(REGISTRATIONS),
-        ),
-    ] = None
-    reference_s: Annotated[
-        str | None,
-        typer.Option(
-            "--reference-s",
-            metavar="START:END",
-            help="Interval of the recording in which the speaker rests, in s.",
-            show_default="its first 20 ms",
-        ),
-    ] = None
-    offset_s: Annotated[
-        str | None,
-        typer.Option(
-            "--offset-s",
-            metavar="S|fit",
-            help="Time of the recording at which the simulation starts; fit minimizes the distance.",
-            show_default="first row",
-        ),
-    ] = None
-    head: Annotated[
-        list[str] | None,
-        typer.Option("--head", metavar="SENSOR", help="Sensor on the head or jaw whose motion is removed; repeat."),
-    ] = None
-    unit: Annotated[
-        str | None,
-        typer.Option(
-            "--unit",
-            help="Unit of columns that name none, or in place of that in the file, such as mm, m or 0.2mm (a pixel).",
-            show_default=False,
-        ),
-    ] = None
-    rate_hz: Annotated[
-        float | None,
-        typer.Option("--rate-hz", metavar="HZ", help="Sampling rate of a recording without a time column.", show_default=False),
-    ] = None
-    axes: Annotated[
-        str | None,
-        typer.Option(
-            "--axes",
-            metavar="X,Y,Z",
-            help="Directions of x, y and z of a recording with these axes, such as front,left,up.",
-            show_default=False,
-        ),
-    ] = None
-    picture: Annotated[
-        Path | None,
-        typer.Option("--picture", metavar="FILE", help="Draw the paths (.png, .pdf or .svg).", show_default=False),
-    ] = None
-    palate: Annotated[
-        Path | None,
-        typer.Option(
-            "--palate",
-            metavar="FILE",
-            help="Draw a trace of the speaker's palate (.csv; axes as in the recording) in the picture.",
-            show_default=False,
-        ),
-    ] = None
-    overwrite: OverwriteFilesOption = False
-    as_json: JsonOption = False
+    Parameters
+    ----------
+    mapping : map a point of the model to a sensor.
+    register : rigid registration fitted to: rest (positions at rest) | movement (all positions) | none; by default rest.
+    reference_s : interval of the recording in which the speaker rests, in s; by default its first 20 ms.
+    offset_s : time of the recording at which the simulation starts; fit minimizes the distance; by default its first row.
+    head : sensor on the head or jaw whose motion is removed.
+    unit : unit of columns that name none, or in place of that in the file, such as mm, m or 0.2mm (a pixel).
+    rate_hz : sampling rate of a recording without a time column.
+    axes : directions of x, y and z of a recording with these axes, such as front,left,up.
+    picture : draw the paths (.png, .pdf or .svg).
+    palate : draw a trace of the speaker's palate (.csv; axes as in the recording) in the picture.
+    overwrite : replace existing files.
+    """
+
+    mapping: Sequence[str] = ()
+    register: str | None = None
+    reference_s: str | None = None
+    offset_s: str | None = None
+    head: Sequence[str] = ()
+    unit: str | None = None
+    rate_hz: float | None = None
+    axes: str | None = None
+    picture: Path | None = None
+    palate: Path | None = None
+    overwrite: bool = False
 
 
-@with_options(CompareOptions)
-def compare(
-    result: ResultArgument,
-    other: Annotated[
-        Path,
-        typer.Argument(
-            help=f"Result to compare with it, or a recording of sensors ({', '.join(RECORDING_SUFFIXES)}).", show_default=False
-        ),
-    ],
-    options: CompareOptions,
-) -> None:
+@command(RecordingOptions, completions={"register": complete_words(REGISTRATIONS)})
+def compare(result: Path, other: Path, *, tolerance: float | None = None, as_json: bool = False, **of_recording: Any) -> None:
     """Compare a result with another result or with a recording of sensors.
 
     Two results: differing keys of the scenarios, and differences of fields, points, energies and measures. Their meshes may
@@ -148,14 +68,20 @@ def compare(
     Example: [bold]explicitfe compare vowel-i finer/vowel-i.vtkhdf --tolerance 0.05[/bold]
 
     Example: [bold]explicitfe compare vowel-i coils.csv --map tip=TT --map dorsum=TD --picture coils.png[/bold]
+
+    Parameters
+    ----------
+    other : result to compare with it, or a recording of sensors (.csv, .txt, .tsv, .c3d, .trc, .mot, .sto, .pos, .mat).
+    tolerance : exit with code 3 if displacements differ by more than this share of the largest displacement.
     """
-    given = [name for name in OF_RECORDINGS if getattr(options, name)]
+    options = RecordingOptions(**of_recording)
+    given = [name for name in vars(options) if of_recording.get(name)]
     if other.suffix.lower() not in RECORDING_SUFFIXES:
         if given:
             raise InputError(f"`{given[0]}` is for a recording ({', '.join(RECORDING_SUFFIXES)}), and {other} is none; omit it.")
-        _compare_results(result, find_result(other), options.tolerance, options.as_json)
+        _compare_results(result, find_result(other), tolerance, as_json)
         return
-    if options.tolerance is not None:
+    if tolerance is not None:
         raise InputError(f"--tolerance is for two results, and {other} is a recording; omit it.")
     if not options.mapping:
         raise InputError("--map is missing; map at least one point of the model to a sensor, such as --map tip=T1.")
@@ -176,12 +102,12 @@ def compare(
             register=cast("Literal['rest', 'movement', 'none']", options.register or "rest"),
             reference_s=None if options.reference_s is None else parse_interval(options.reference_s, "--reference-s"),
             offset_s=_offset(options.offset_s),
-            head=options.head or (),
+            head=options.head,
         )
         if options.picture is not None:
             _draw(result, options.picture, comparison, tracks, _palate(options, coils, comparison), options.overwrite)
             comparison = comparison.model_copy(update={"picture": str(options.picture)})
-    print_answer(comparison.document, options.as_json, lambda: recording_tables(comparison), comparison.warnings)
+    print_answer(comparison.document, as_json, lambda: recording_tables(comparison), comparison.warnings)
 
 
 def _draw(
@@ -196,7 +122,7 @@ def _draw(
     draw_recording(result, file, RecordingPicture(tracks.time_s, tracks.model, tracks.recorded, labels, what, palate), overwrite)
 
 
-def _palate(options: CompareOptions, coils: Coils, comparison: RecordingComparison) -> np.ndarray | None:
+def _palate(options: RecordingOptions, coils: Coils, comparison: RecordingComparison) -> np.ndarray | None:
     """Trace of the palate (k, 3) m in the frame of the model; None if none is given."""
     import numpy as np
 

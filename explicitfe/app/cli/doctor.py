@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from explicitfe.app.cli.answer import console, print_answer
-from explicitfe.app.cli.options import JsonOption
+from explicitfe.app.cli.command import command
 from explicitfe.app.view.progress import following
 
 
-def doctor(as_json: JsonOption = False) -> None:
+@command()
+def doctor(*, as_json: bool = False) -> None:
     """Check the installation: versions, cores, load, memory, disk, compiled kernels, optional packages and 3D graphics.
 
     Include this output in bug reports.

@@ -3,15 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
-
-import typer
 
 from explicitfe.app.cli.answer import console, print_answer
+from explicitfe.app.cli.command import command
 from explicitfe.app.cli.completion import complete_result
-from explicitfe.app.cli.options import JsonOption
 from explicitfe.app.view.progress import following
-from explicitfe.platform.host.result_files import find_result
 
 MESH_SUFFIXES = (
     ".inp", ".feb", ".msh", ".vtu", ".vtk", ".vtp", ".mesh", ".bdf", ".nas", ".fem", ".e", ".ex2", ".exo", ".med", ".xdmf",
@@ -19,22 +15,17 @@ MESH_SUFFIXES = (
 )  # fmt: skip
 
 
-def inspect(
-    file: Annotated[
-        Path,
-        typer.Argument(
-            help="Result file (.vtkhdf) or its name in outputs/, or a mesh file (.msh, .inp, .feb, .vtu, ...).",
-            show_default=False,
-            autocompletion=complete_result,
-        ),
-    ],
-    as_json: JsonOption = False,
-) -> None:
+@command(completions={"file": complete_result})
+def inspect(file: Path, *, as_json: bool = False) -> None:
     """Show the contents of a result: status, times, fields, energies, probes, provenance. Or the named sets of a mesh file.
 
     Example: [bold]explicitfe inspect vowel-i[/bold]
 
     Example: [bold]explicitfe inspect bar.msh[/bold]
+
+    Parameters
+    ----------
+    file : result file (.vtkhdf) or its name in outputs/, or a mesh file (.msh, .inp, .feb, .vtu, ...).
     """
     if file.suffix.lower() in MESH_SUFFIXES and file.is_file():
         with following(console, f"reading {file}"):
@@ -49,7 +40,7 @@ def inspect(
         from explicitfe.results.files import open_result
         from explicitfe.results.measure.measure import measures_if_any
 
-        with open_result(find_result(file)) as opened:
+        with open_result(file) as opened:
             held, measures = opened.contents(), measures_if_any(opened)
     document = {**held, "measures": measures and measures.document}
     print_answer(document, as_json, lambda: result_table(held, measures), held["summary"].get("warnings", []))

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
-
-import typer
 
 from explicitfe.app.cli import asking
 from explicitfe.app.cli.answer import console, print_answer
+from explicitfe.app.cli.command import command
 from explicitfe.app.cli.completion import complete_shipped
-from explicitfe.app.cli.options import JsonOption
 from explicitfe.app.view.progress import following
 from explicitfe.platform.errors import InputError
 
@@ -18,32 +16,31 @@ from explicitfe.platform.errors import InputError
 def print_next(*commands: str) -> None:
     """Print the commands that a user may run next."""
     console.print("next:", highlight=False)
-    for command in commands:
-        console.print(f"  {command}", markup=False, highlight=False, soft_wrap=True)
+    for line in commands:
+        console.print(f"  {line}", markup=False, highlight=False, soft_wrap=True)
 
 
+@command(completions={"like": complete_shipped})
 def new_scenario(
-    file: Annotated[Path, typer.Argument(help="File to write (.toml).", show_default=False)],
-    muscles: Annotated[
-        list[str] | None,
-        typer.Option("--muscle", metavar="NAME=FORCE", help="Active muscle and its force in N; repeat for several."),
-    ] = None,
-    duration_ms: Annotated[float, typer.Option("--duration-ms", metavar="MS", help="Simulated time.")] = 200.0,
-    like: Annotated[
-        str | None,
-        typer.Option(
-            "--like",
-            metavar="NAME",
-            help="Copy a bundled scenario, see `explicitfe list scenarios`.",
-            autocompletion=complete_shipped,
-        ),
-    ] = None,
-    title: Annotated[str | None, typer.Option("--title", help="Title in tables and pictures.")] = None,
-    as_json: JsonOption = False,
+    file: Path,
+    *,
+    muscles: Sequence[str] = (),
+    duration_ms: float = 200.0,
+    like: str | None = None,
+    title: str | None = None,
+    as_json: bool = False,
 ) -> None:
     """Write a scenario: active muscles of the tongue between palate and jaw, or a copy of a bundled scenario.
 
     Example: [bold]explicitfe new scenario raise.toml --muscle STY=1 --muscle GGp=0.5[/bold]
+
+    Parameters
+    ----------
+    file : file to write (.toml).
+    muscles : active muscle and its force in N.
+    duration_ms : simulated time in ms.
+    like : copy a bundled scenario, see ``explicitfe list scenarios``.
+    title : title in tables and pictures.
     """
     if like is not None and muscles:
         raise InputError("--muscle and --like exclude each other; change the muscles of a copy in its file.")
@@ -52,7 +49,7 @@ def new_scenario(
         from explicitfe.app.view.terminal.program import new_scenario_table
 
         actions = {} if like is not None else muscles_of_the_tongue()
-    words = " ".join(muscles or [])
+    words = " ".join(muscles)
     if like is None and not words and not asking.somebody_is_there():
         raise InputError("--muscle is missing; give a muscle and its force in N, such as --muscle GGp=2, or give --like.")
     if like is None and not words:

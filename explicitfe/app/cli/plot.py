@@ -3,51 +3,41 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
-
-import typer
 
 from explicitfe.app.cli.answer import console, print_answer
-from explicitfe.app.cli.options import JsonOption, OverwriteFilesOption, PicturesFolderOption, is_sweep, result_argument
+from explicitfe.app.cli.command import command
+from explicitfe.app.cli.options import is_sweep
 from explicitfe.app.view.progress import following
 from explicitfe.platform.errors import InputError
 
 
+@command(only="--only NAMES")
 def plot(
-    results: Annotated[
-        list[Path],
-        result_argument("Result file (.vtkhdf), its name in outputs/, several of them to overlay, or the folder of a sweep."),
-    ],
-    only: Annotated[
-        str | None,
-        typer.Option(
-            "--only",
-            metavar="NAMES",
-            help="Pictures to draw, separated by commas. Run: contour, coronal, probes, energies, palatogram, airway, 3d, "
-            "hourglass, and reaction:NAME, the force-displacement curve of a support or fixed node set. Indentation: curve, "
-            "section. Sweep: outlines, effects, maps, indices, or two columns as A:B.",
-            show_default="all",
-        ),
-    ] = None,
-    file_format: Annotated[str, typer.Option("--format", metavar="FORMAT", help="File format: png, pdf or svg.")] = "png",
-    times: Annotated[
-        str | None,
-        typer.Option(
-            "--times",
-            metavar="MS",
-            help="Times to draw in ms, separated by commas. Pictures of a single time show the last of them.",
-            show_default=False,
-        ),
-    ] = None,
-    out: PicturesFolderOption = None,
-    overwrite: OverwriteFilesOption = False,
-    as_json: JsonOption = False,
+    results: list[Path],
+    *,
+    only: str | None = None,
+    file_format: str = "png",
+    times: str | None = None,
+    out: Path | None = None,
+    overwrite: bool = False,
+    as_json: bool = False,
 ) -> None:
     """Draw pictures of a result or of a sweep; for several results, overlay their midsagittal contours.
 
     Examples: [bold]explicitfe plot outputs/vowel-i.vtkhdf --only contour,probes --format pdf --times 20,50,200[/bold]
 
     [bold]explicitfe plot outputs/vowel-i.vtkhdf outputs/vowel-a.vtkhdf --times 100[/bold]
+
+    Parameters
+    ----------
+    results : result file (.vtkhdf), its name in outputs/, several of them to overlay, or the folder of a sweep.
+    only : pictures to draw, separated by commas. Run: contour, coronal, probes, energies, palatogram, airway, 3d, hourglass, and
+        reaction:NAME, the force-displacement curve of a support or fixed node set. Indentation: curve, section. Sweep: outlines,
+        effects, maps, indices, or two columns as A:B; by default all.
+    file_format : file format: png, pdf or svg.
+    times : times to draw in ms, separated by commas. Pictures of a single time show the last of them.
+    out : output folder; by default that of the result.
+    overwrite : replace existing files.
     """
     names = None if only is None else [name.strip() for name in only.split(",")]
     times_s = None if times is None else [1e-3 * _number(text) for text in times.split(",")]

@@ -4,22 +4,16 @@ from __future__ import annotations
 
 import shlex
 import traceback
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
-import typer
-
+from explicitfe.app.api import run as api
 from explicitfe.app.cli.answer import console, print_answer
+from explicitfe.app.cli.command import command
 from explicitfe.app.cli.ending import FailureKind, short_name
-from explicitfe.app.cli.options import (
-    JsonOption,
-    OutOption,
-    ScenarioArgument,
-    SettingsOption,
-    TissueGroupOption,
-    TissueOption,
-    tissue_settings_of,
-)
+from explicitfe.app.cli.help import debugging
+from explicitfe.app.cli.options import tissue_settings_of
 from explicitfe.app.cli.streams import stderr
 from explicitfe.app.view.progress import following
 from explicitfe.platform.errors import Progress
@@ -32,31 +26,27 @@ if TYPE_CHECKING:
     from explicitfe.simulate.run.analysis import Analysis
 
 
-PlotsOption = Annotated[bool, typer.Option("--plots", help="Write PNG pictures of the run next to the result.")]
-OverwriteOption = Annotated[bool, typer.Option("--overwrite", help="Replace an existing result.")]
-
-
+@command(api.run)
 def run(
-    context: typer.Context,
-    scenario: ScenarioArgument,
-    out: OutOption = OUTPUT_FOLDER,
-    settings: SettingsOption = None,
-    tissue: TissueOption = None,
-    tissue_group: TissueGroupOption = None,
-    plots: PlotsOption = False,
-    name: Annotated[
-        str | None,
-        typer.Option("--name", metavar="NAME", help="Name of the result.", show_default="name of the scenario"),
-    ] = None,
-    overwrite: OverwriteOption = False,
-    resume: Annotated[
-        bool, typer.Option("--resume", help="Resume an interrupted run of this scenario; start one if there is none.")
-    ] = False,
-    as_json: JsonOption = False,
+    scenario: Path,
+    *,
+    out: Path = OUTPUT_FOLDER,
+    name: str | None = None,
+    settings: Sequence[str] = (),
+    tissue: Path | None = None,
+    tissue_group: str | None = None,
+    plots: bool = False,
+    overwrite: bool = False,
+    resume: bool = False,
+    as_json: bool = False,
 ) -> None:
     """Run a scenario and store its result in one .vtkhdf file.
 
     Example: [bold]explicitfe run scenarios/vowel-i.toml --set muscle.GGp.force_N=1.5 --name softer --plots[/bold]
+
+    Parameters
+    ----------
+    plots : write PNG pictures of the run next to the result.
     """
     if plots:
         require("plots", "drawing pictures")
@@ -66,14 +56,14 @@ def run(
         from explicitfe.simulate.run.run import result_path
 
         tissue_settings, notes = tissue_settings_of(scenario, tissue, tissue_group)
-        analysis = prepare(scenario, [*tissue_settings, *(settings or ())], notes)
+        analysis = prepare(scenario, [*tissue_settings, *settings], notes)
         target = result_path(scenario, out, name)
         stored = stored_before(target) if resume else None
         if stored is None:
             summary = analysis.run(target, overwrite=overwrite, progress=progress)
         else:
             analysis, summary = resume_analysis(analysis, stored, overwrite=overwrite, progress=progress)
-        stopped = draw_run(summary, progress, context) if plots else None
+        stopped = draw_run(summary, progress) if plots else None
     show_run(analysis, summary, stopped, as_json)
 
 
@@ -91,7 +81,7 @@ def show_run(analysis: Analysis[Any, Any], summary: RunSummary, stopped: str | N
     print_answer(summary, as_json, lambda: tables.summary_table(summary), summary["warnings"], failure)
 
 
-def draw_run(summary: RunSummary, progress: Progress, context: typer.Context) -> str | None:
+def draw_run(summary: RunSummary, progress: Progress) -> str | None:
     """Draw a stored result. An error here is only a warning in the summary, because the result is complete.
 
     Returns
@@ -109,7 +99,7 @@ def draw_run(summary: RunSummary, progress: Progress, context: typer.Context) ->
     except stopping.Stopped as stopped:
         return f"{stopped} while drawing: {again}"
     except Exception as error:
-        if context.find_root().params["debug"]:
+        if debugging():
             stderr.write(traceback.format_exc())
         summary["warnings"].append(f"{result} could not be drawn ({short_name(error)}): {again}")
     return None

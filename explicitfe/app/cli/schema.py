@@ -2,41 +2,25 @@
 
 from __future__ import annotations
 
-from typing import Annotated
-
-import typer
-
 from explicitfe.app.cli.answer import console, print_json
+from explicitfe.app.cli.command import command
 from explicitfe.app.cli.completion import complete_words
 from explicitfe.app.cli.file_schemas import FILES, file_schema
 from explicitfe.app.view.progress import following
 from explicitfe.platform.errors import InputError
 
 
-def schema(
-    kind: Annotated[
-        str | None,
-        typer.Argument(
-            metavar="[FILE]",
-            help="Kind of file: scenario | dataset | protocol (of a planned test) | model (of a custom mesh) | "
-            "tissue (constants and effects).",
-            show_default="scenario",
-            autocompletion=complete_words(list(FILES)),
-        ),
-    ] = None,
-    answer: Annotated[
-        str | None,
-        typer.Option(
-            "--answer",
-            metavar="COMMAND",
-            help="Print the schema of the --json output of this command instead, or of a failure.",
-            show_default=False,
-        ),
-    ] = None,
-) -> None:
+@command(kind="[FILE]", completions={"kind": complete_words(list(FILES))})
+def schema(kind: str | None = None, *, answer: str | None = None) -> None:
     """Print the JSON schema of an input file, for editors that complete and validate TOML.
 
     Example: [bold]explicitfe schema dataset > dataset.schema.json[/bold]
+
+    Parameters
+    ----------
+    kind : kind of file: scenario | dataset | protocol (of a planned test) | model (of a custom mesh) | tissue (constants and
+        effects); by default scenario.
+    answer : print the schema of the --json output of this command instead, or of a failure.
     """
     if answer is None:
         with following(console, f"generating the schema of {kind or 'scenario'}"):

@@ -2,66 +2,26 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal, get_args
+from typing import Any
 
-import typer
-
+from explicitfe.app.api import view as api
 from explicitfe.app.cli.answer import console, print_answer
-from explicitfe.app.cli.grouped import with_options
-from explicitfe.app.cli.options import JsonOption, OverwriteFilesOption, PicturesFolderOption, result_argument
+from explicitfe.app.cli.command import command
 from explicitfe.app.view.progress import following
 from explicitfe.platform.errors import InputError
 
-FileKind = Literal["png", "gif", "mp4"]
-FILE_KINDS: tuple[FileKind, ...] = get_args(FileKind)
 
-SizeOption = Annotated[str, typer.Option("--size", metavar="WxH", help="Width and height of the picture of each result, pixels.")]
-
-
-@dataclass(frozen=True)
-class ViewOptions:
-    """Options of ``explicitfe view``."""
-
-    viewpoint: Annotated[
-        str | None,
-        typer.Option(
-            "--from",
-            metavar="VIEW",
-            help="Viewpoint: midsagittal (cut in half), side, oblique, top or front.",
-            show_default="midsagittal; specimen: oblique",
-        ),
-    ] = None
-    field: Annotated[str, typer.Option("--field", metavar="NAME", help="Stored field that colours the body, or none.")] = (
-        "displacement"
-    )
-    at_ms: Annotated[
-        float | None,
-        typer.Option("--at-ms", metavar="T", help="Time of a picture, end of a film, in ms.", show_default="the last time"),
-    ] = None
-    png: Annotated[bool, typer.Option("--png", help="Write a picture instead of opening a window.")] = False
-    gif: Annotated[bool, typer.Option("--gif", help="Write a film as GIF.")] = False
-    mp4: Annotated[bool, typer.Option("--mp4", help="Write a film as MP4.")] = False
-    out: PicturesFolderOption = None
-    size: SizeOption = "960x720"
-    seconds: Annotated[float, typer.Option("--seconds", metavar="S", help="Duration of a film in seconds.")] = 4.0
-    without: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--without",
-            metavar="PART",
-            help="Hide bones, fibres, rest (the shape at rest) or context (lips, larynx).",
-        ),
-    ] = None
-    overwrite: OverwriteFilesOption = False
-    as_json: JsonOption = False
-
-
-@with_options(ViewOptions)
+@command(api.view, without=("result", "file", "size_px"), folder="--out DIR", film_s="--seconds S")
 def view(
-    results: Annotated[list[Path], result_argument("Result file (.vtkhdf), its name in outputs/, or several of them.")],
-    options: ViewOptions,
+    results: list[Path],
+    *,
+    png: bool = False,
+    gif: bool = False,
+    mp4: bool = False,
+    size: str = "960x720",
+    as_json: bool = False,
+    **options: Any,
 ) -> None:
     """Show a result in three dimensions in a window, or write pictures and films, with several results side by side.
 
@@ -71,26 +31,22 @@ def view(
     Examples: [bold]explicitfe view outputs/vowel-i.vtkhdf --gif[/bold]
 
     [bold]explicitfe view outputs/vowel-i.vtkhdf outputs/vowel-a.vtkhdf --gif --size 640x480[/bold]
+
+    Parameters
+    ----------
+    results : result file (.vtkhdf), its name in outputs/, or several of them.
+    png : write a picture instead of opening a window.
+    gif : write a film as GIF.
+    mp4 : write a film as MP4.
+    size : width and height of the picture of each result, pixels.
     """
-    files: list[FileKind] = [kind for kind in FILE_KINDS if getattr(options, kind)]
+    files: list[Any] = [kind for kind, wanted in (("png", png), ("gif", gif), ("mp4", mp4)) if wanted]
     with following(console, f"reading {results[0]}") as progress:
         from explicitfe.app.view.scene.show import show
         from explicitfe.app.view.terminal.drawn import scene_table
 
-        shown = show(
-            results,
-            options.viewpoint,
-            field=options.field,
-            without=options.without or (),
-            files=files,
-            folder=options.out,
-            time_s=None if options.at_ms is None else 1e-3 * options.at_ms,
-            size_px=_size(options.size),
-            film_s=options.seconds,
-            overwrite=options.overwrite,
-            progress=progress,
-        )
-    print_answer(shown, options.as_json, lambda: scene_table(shown), shown["warnings"])
+        shown = show(results, files=files, size_px=_size(size), **options, progress=progress)
+    print_answer(shown, as_json, lambda: scene_table(shown), shown["warnings"])
 
 
 def _size(text: str) -> tuple[int, int]:

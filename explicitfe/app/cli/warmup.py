@@ -2,22 +2,20 @@
 
 from __future__ import annotations
 
-from typing import Annotated
-
-import typer
-
 from explicitfe.app.cli.answer import console, print_answer
-from explicitfe.app.cli.options import JsonOption
+from explicitfe.app.cli.command import command
 from explicitfe.app.view.progress import following
 
 
-def warmup(
-    everything: Annotated[bool, typer.Option("--all", help="Include all element types and viscoelastic tissue.")] = False,
-    as_json: JsonOption = False,
-) -> None:
+@command()
+def warmup(*, everything: bool = False, as_json: bool = False) -> None:
     """Precompile the simulation kernels. They are cached on disk, so that later commands need not compile them.
 
     Example: [bold]explicitfe warmup[/bold]
+
+    Parameters
+    ----------
+    everything : include all element types and viscoelastic tissue.
     """
     with following(console, "starting") as progress:
         from explicitfe.app.tools.speed import warm

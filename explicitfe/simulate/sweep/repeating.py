@@ -9,6 +9,7 @@ from pathlib import Path
 from pydantic import BaseModel, JsonValue, ValidationError
 
 from explicitfe.platform.errors import InputError
+from explicitfe.platform.host.shipped import name_of
 from explicitfe.platform.host.toml_text import toml_value
 from explicitfe.simulate.sweep.definition import DEFINITION_FILE, MEMBERS_FILE, ONE_THREAD, definition_of
 from explicitfe.simulate.sweep.factors import Factor, factor_of
@@ -88,7 +89,7 @@ def commands_of(folder: Path, begun: BegunSweep, members: Members, shown: int | 
     ----------
     shown : the number of that run; None: none.
     """
-    scenario, name = shlex.quote(begun.scenario), shlex.quote(str(folder))
+    scenario, name = shlex.quote(name_of(begun.scenario)), shlex.quote(str(folder))
     own = [part for part in begun.measures if part not in PARTS]
     commands = [
         *(

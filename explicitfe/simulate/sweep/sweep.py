@@ -7,32 +7,25 @@ import os
 import re
 import time
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator
 from concurrent.futures import Executor
 from contextlib import closing
-from functools import partial
 from pathlib import Path
 from typing import cast
 
 from explicitfe.platform.errors import InputError, MachineError, Progress, Share, shortened, silent
 from explicitfe.platform.host import stopping
 from explicitfe.platform.host.files import reason
-from explicitfe.platform.host.shipped import scenario_file
 from explicitfe.results.documents.sweep_summary import ListedMember, SweepMembers, SweepSummary
 from explicitfe.results.files import FINISHED
 from explicitfe.results.files.folder import remove_unfinished, whole_file
-from explicitfe.simulate.scenario.read import setting_texts
-from explicitfe.simulate.sweep import members as designs
-from explicitfe.simulate.sweep.definition import RESULTS_FOLDER, ROWS_FOLDER, Definition, begin, define
+from explicitfe.simulate.sweep.definition import RESULTS_FOLDER, ROWS_FOLDER, Definition, begin
 from explicitfe.simulate.sweep.engine import Bundles, Cluster, Engine, Processes
-from explicitfe.simulate.sweep.factors import factors_of
 from explicitfe.simulate.sweep.journal import Journal, Stored
-from explicitfe.simulate.sweep.members import Design, Members, share_of
-from explicitfe.simulate.sweep.own_measure import Measuring
+from explicitfe.simulate.sweep.members import share_of
 from explicitfe.simulate.sweep.rows import (
     MESSAGE,
     NUMBER,
-    USUAL_PARTS,
     WITHOUT_RESULT,
     Cell,
     Member,
@@ -214,99 +207,8 @@ class Sweep:
         }
 
 
-def sweep(
-    scenario: Path | str,
-    vary: Sequence[str] | Mapping[str, Iterable[object]] = (),
-    *,
-    out: Path | str | None = None,
-    random: int | None = None,
-    sobol: int | None = None,
-    morris: int | None = None,
-    table: Path | str | None = None,
-    seed: int = 0,
-    settings: Sequence[str] | Mapping[str, object] = (),
-    measures: Sequence[str | Measuring] = USUAL_PARTS,
-    keep: str = "none",
-    retry: bool = False,
-    only: str | None = None,
-    processes: int | None = None,
-    executor: Executor | None = None,
-    scheduler: str | None = None,
-) -> Sweep:
-    """Run a parameter sweep: iteration yields the rows of all runs, those of new runs as they finish.
-
-    >>> for row in explicitfe.sweep("vowel-i", ["muscle.GGp.force_N=0:4:9"], settings=["model.resolution=coarse"]):
-    ...     print(row["member"], row["status"], row.get("points.tip.up_mm"))
-
-    Rows are stored in ``out`` before they are yielded; the same call resumes an interrupted sweep.
-    At the end the table is written to ``out``.
-
-    Parameters
-    ----------
-    scenario : file, or the name of a built-in scenario.
-    vary : ``KEY=LOW:HIGH:N``, ``KEY=LOW:HIGH`` or ``KEY=a,b,c`` for each factor, or a dictionary of keys and values, such as
-        ``{"muscle.GGp.force_N": np.linspace(0, 4, 9)}``: a full grid, unless another design is given.
-    out : folder of the sweep; outputs/sweep-NAME if left out.
-    random : number of random samples.
-    sobol : N of a design for Sobol indices with N x (factors + 2) runs; a power of 2.
-    morris : N of a design for elementary effects with N x (factors + 1) runs.
-    table : CSV file of samples with one column per key and one row per run.
-    seed : of the random numbers.
-    settings : ``key=value`` texts or a dictionary, for all runs.
-    measures : names of ``PARTS`` in ``rows.py``, and functions of a result and a step that return a dict of numbers. A function
-        must be defined in a module, so that workers can import it.
-    keep, retry, only : see :class:`Sweep`.
-    processes : number of local worker processes; the number of cores if left out. With an executor, the number of its workers, if
-        it has no such attribute.
-    executor : any ``concurrent.futures.Executor`` that computes the runs instead; it is not shut down.
-    scheduler : address of a Dask scheduler that distributes the runs instead.
-
-    Raises
-    ------
-    InputError : an argument is invalid; nothing was computed.
-    """
-    path = scenario_file(scenario)
-    asked = {"random": random, "sobol": sobol, "morris": morris, "table": table}
-    chosen: list[Design] = [name for name, value in asked.items() if value is not None]  # type: ignore[misc]
-    if len(chosen) > 1:
-        raise InputError(f"`{chosen[0]}` and `{chosen[1]}` are different designs; give one of them.")
-    design: Design = chosen[0] if chosen else "grid"
-    factors = factors_of(vary)
-    members: Members
-    if table is not None:
-        if vary:
-            raise InputError(
-                "`vary` cannot be combined with `table`: the columns of the table are the factors. Remove one of the options."
-            )
-        members = designs.from_table(Path(table))
-    else:
-        if not factors:
-            raise InputError("no factor is given; add `vary`, such as `vary` muscle.GGp.force_N=0:4:9, or `table` FILE.")
-        if design == "random":
-            members = designs.random(factors, random or 0, seed)
-        elif design == "sobol":
-            members = designs.sobol(factors, sobol or 0, seed)
-        elif design == "morris":
-            members = designs.morris(factors, morris or 0, seed)
-        else:
-            members = designs.grid(factors)
-    definition = define(
-        path,
-        tuple(setting_texts(settings)),
-        members,
-        design=design,
-        factors=factors,
-        seed=seed,
-        measures=measures,
-        origin="`vary`" if table is None else str(table),
-    )
-    folder = Path("outputs") / f"sweep-{path.stem}" if out is None else Path(out)
-    engine = partial(engine_for, processes, executor, scheduler)
-    return Sweep(definition, folder, engine, keep=keep, retry=retry, only=only)
-
-
 def engine_for(processes: int | None, executor: Executor | None, scheduler: str | None, members: int) -> Engine:
-    """The engine for a number of runs; see :func:`sweep`."""
+    """The engine for a number of runs; see ``explicitfe.app.api.sweep``."""
     if scheduler is not None and (processes is not None or executor is not None):
         raise InputError(
             "`scheduler`: the scheduler has its own workers; remove `processes` (in Python, processes and executor)."

@@ -9,7 +9,7 @@ from answers import check_answer
 from command import command
 from support import ROOT
 
-from explicitfe.app.verify import one_element, verify
+from explicitfe.app.verify import bodies, data, one_element, speech, verify
 from explicitfe.app.verify.claim import ClaimFigure, Workshop
 from explicitfe.app.verify.claims import CLAIMS
 from explicitfe.platform.errors import InputError, RunError
@@ -33,6 +33,18 @@ def test_every_claim_has_a_reference_and_limits() -> None:
         assert claim.sentence.endswith(".") and claim.fails.endswith(".") and claim.source and claim.because and claim.reference
         assert claim.allowed >= 0.0 and claim.seconds > 0.0
     assert sum(claim.seconds for claim in CLAIMS) < LONGEST_S
+
+
+def test_references_state_the_numbers_that_are_compared() -> None:
+    stated = {claim.name: claim.reference for claim in CLAIMS}
+    assert stated["cantilever"] == ", ".join(f"{rise:.2f} mm at {time} ms" for time, rise in bodies.END_RISES_MM.items())
+    for name, depths in (("flat-punch", bodies.PUNCH_MM), ("glued-disc", bodies.DISC_MM)):
+        assert stated[name] == f"{depths[0]:.3f} mm at 0.1 N to {depths[-1]:.3f} mm at 0.8 N"
+    assert stated["muscles"] == f"{len(speech.MUSCLES)} of {len(speech.MUSCLES)} muscles"
+    assert stated["constants"] == f"C10 {data.CONSTANTS_PA[0]:g} Pa, C20 {data.CONSTANTS_PA[1]:g} Pa"
+    for vowel, (f1, f2) in speech.MEN_HZ.items():
+        assert f"[{vowel}] {f1:.0f} {f2:.0f} Hz" in stated["vowel-triangle"]
+        assert f"[{vowel}] {f1:.0f} to {speech.WOMEN_HZ[vowel][0]:.0f}, {f2:.0f} to" in stated["vowel-formants"]
 
 
 @pytest.mark.parametrize("name", QUICK)

@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-import json
-import math
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-import numpy as np
-from pydantic import JsonValue
-
+from explicitfe.app.view.json_text import json_text
 from explicitfe.app.view.page.identify import identify_page
 from explicitfe.inverse.identify.forward_models import POISSON_OF_ELEMENTS
 from explicitfe.inverse.identify.identify import LARGEST_POISSON_OF_ELEMENTS
@@ -75,8 +71,7 @@ def _fill(folder: Path, target: Path, identification: Identification, pictures: 
     names.append("material.toml")
     names = [name for name in names if (folder / name).exists()]
     identification["files"] = [str(target / name) for name in [SUMMARY_FILE, *names]]
-    text = json.dumps(plain(identification), indent=2, allow_nan=False)
-    (folder / SUMMARY_FILE).write_text(text + "\n", encoding="utf-8")
+    (folder / SUMMARY_FILE).write_text(json_text(identification) + "\n", encoding="utf-8")
 
 
 def slugs_of(names: Sequence[str]) -> dict[str, str]:
@@ -90,18 +85,6 @@ def slugs_of(names: Sequence[str]) -> dict[str, str]:
             slug = f"{plain_name}-{number}"
         slugs[name] = slug
     return slugs
-
-
-def plain(value: object) -> JsonValue:
-    """A value as JSON has it; JSON has no infinity, so null stands for it."""
-    if isinstance(value, Mapping):
-        return {key: plain(inner) for key, inner in value.items()}
-    if isinstance(value, list | tuple):
-        return [plain(inner) for inner in value]
-    if isinstance(value, float | np.floating):
-        return float(value) if math.isfinite(value) else None
-    assert value is None or isinstance(value, bool | int | str)
-    return value
 
 
 def _material(name: str, group: IdentifiedGroup, poisson: float) -> str:

@@ -7,22 +7,14 @@ from __future__ import annotations
 
 from functools import reduce
 from operator import or_
-from typing import Any, cast
+from typing import Any, cast, get_type_hints
 
 from pydantic import JsonValue, TypeAdapter
 from pydantic.json_schema import GenerateJsonSchema
 from typing_extensions import TypedDict
 
 from explicitfe.app.cli.ending import FailureAnswer
-from explicitfe.app.tools.lists import (
-    ListedDataset,
-    ListedEffect,
-    ListedMaterial,
-    ListedModel,
-    ListedMuscle,
-    ListedProtocol,
-    ListedScenario,
-)
+from explicitfe.app.tools.lists import LISTS
 from explicitfe.app.tools.new_model import NewModel
 from explicitfe.app.tools.new_scenario import NewScenario
 from explicitfe.app.view.page.run.write import ReportAnswer
@@ -73,46 +65,12 @@ class MeasuredResults(TypedDict):
     results: list[Measures]
 
 
-class ListOfModels(TypedDict):
-    """``explicitfe list models``."""
-
-    models: list[ListedModel]
-
-
-class ListOfMuscles(TypedDict):
-    """``explicitfe list muscles``."""
-
-    muscles: list[ListedMuscle]
-
-
-class ListOfScenarios(TypedDict):
-    """``explicitfe list scenarios``."""
-
-    scenarios: list[ListedScenario]
-
-
-class ListOfDatasets(TypedDict):
-    """``explicitfe list datasets``."""
-
-    datasets: list[ListedDataset]
-
-
-class ListOfProtocols(TypedDict):
-    """``explicitfe list protocols``."""
-
-    protocols: list[ListedProtocol]
-
-
-class ListOfMaterials(TypedDict):
-    """``explicitfe list materials``."""
-
-    materials: list[ListedMaterial]
-
-
-class ListOfEffects(TypedDict):
-    """``explicitfe list effects``."""
-
-    effects: list[ListedEffect]
+def _list_of(what: str, rows: object) -> object:
+    """The type of ``explicitfe list WHAT``."""
+    make: Any = TypedDict
+    kind = make(f"ListOf{what.title()}", {what: rows})
+    kind.__doc__ = f"``explicitfe list {what}``."
+    return kind
 
 
 # Command, with hyphens for spaces -> the types that its answer can have.
@@ -135,15 +93,7 @@ ANSWERS_OF_COMMANDS: dict[str, tuple[Any, ...]] = {
     "new-scenario": (NewScenario,),
     "new-dataset": (NewDataset,),
     "new-model": (NewModel,),
-    "list": (
-        ListOfModels,
-        ListOfMuscles,
-        ListOfScenarios,
-        ListOfDatasets,
-        ListOfProtocols,
-        ListOfMaterials,
-        ListOfEffects,
-    ),
+    "list": tuple(_list_of(what, get_type_hints(make)["return"]) for what, make in LISTS.items()),
     "doctor": (Examination,),
     "warmup": (MachineCode,),
     "verify": (Verification,),

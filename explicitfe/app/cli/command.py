@@ -1,7 +1,7 @@
 """Commands made of Python functions: the signature gives arguments and options, the numpydoc docstring gives their help.
 
-Positional parameters are arguments, keyword-only ones and those in ``OPTION_OF_PARAMETER`` are options. A command may share parameters with a
-function of ``explicitfe.app.api``: it takes them as ``**options`` and passes them on, so that each is described once.
+Positional parameters are arguments; keyword-only ones and those in ``OPTION_OF_PARAMETER`` are options. A command may share
+parameters with a function of ``explicitfe.app.api``: it takes them as ``**options``, so that each is described once.
 """
 
 from __future__ import annotations

@@ -28,8 +28,8 @@ def resume(result: Path, *, plots: bool = False, as_json: bool = False, **option
     if plots:
         require("plots", "drawing pictures")
     with following(console, f"reading {result}") as progress:
-        from explicitfe.simulate.run.resume import resume_file
+        from explicitfe.simulate.run.resume import resume as resume_run
 
-        run = resume_file(result, **options, progress=progress)
-        stopped = draw_run(run.summary, progress) if plots else None
-    show_run(run.analysis, run.summary, stopped, as_json)
+        summary = resume_run(result, **options, progress=progress)
+        stopped = draw_run(summary, progress) if plots else None
+    show_run(summary, stopped, as_json)

@@ -19,26 +19,22 @@ from explicitfe.app.view.progress import following
 from explicitfe.platform.errors import Progress
 from explicitfe.platform.host import stopping
 from explicitfe.platform.host.extras import require
-from explicitfe.platform.host.result_files import OUTPUT_FOLDER
 
 if TYPE_CHECKING:
+    from explicitfe.app.view.terminal.kinds import AnalysisTables
     from explicitfe.results.documents.run_summary import RunSummary
-    from explicitfe.simulate.run.analysis import Analysis
 
 
 @command(api.run)
 def run(
     scenario: Path,
     *,
-    out: Path = OUTPUT_FOLDER,
-    name: str | None = None,
     settings: Sequence[str] = (),
     tissue: Path | None = None,
     tissue_group: str | None = None,
     plots: bool = False,
-    overwrite: bool = False,
-    resume: bool = False,
     as_json: bool = False,
+    **options: Any,
 ) -> None:
     """Run a scenario and store its result in one .vtkhdf file.
 
@@ -51,23 +47,15 @@ def run(
     if plots:
         require("plots", "drawing pictures")
     with following(console, f"reading {scenario}") as progress:
-        from explicitfe.simulate.run.prepare import prepare
-        from explicitfe.simulate.run.resume import resume_analysis, stored_before
-        from explicitfe.simulate.run.run import result_path
+        from explicitfe.simulate.run.run import run as run_scenario
 
         tissue_settings, notes = tissue_settings_of(scenario, tissue, tissue_group)
-        analysis = prepare(scenario, [*tissue_settings, *settings], notes)
-        target = result_path(scenario, out, name)
-        stored = stored_before(target) if resume else None
-        if stored is None:
-            summary = analysis.run(target, overwrite=overwrite, progress=progress)
-        else:
-            analysis, summary = resume_analysis(analysis, stored, overwrite=overwrite, progress=progress)
+        summary = run_scenario(scenario, settings=[*tissue_settings, *settings], notes=notes, **options, progress=progress)
         stopped = draw_run(summary, progress) if plots else None
-    show_run(analysis, summary, stopped, as_json)
+    show_run(summary, stopped, as_json)
 
 
-def show_run(analysis: Analysis[Any, Any], summary: RunSummary, stopped: str | None, as_json: bool) -> None:
+def show_run(summary: RunSummary, stopped: str | None, as_json: bool) -> None:
     """Print the summary of a run; exit with a code if it ended early or its drawing was interrupted."""
     failure: tuple[FailureKind, str] | None = None
     if summary["status"] != "finished":
@@ -75,9 +63,9 @@ def show_run(analysis: Analysis[Any, Any], summary: RunSummary, stopped: str | N
         failure = kind, summary["message"] if kind == "stopped" else f"{summary['status']}: {summary['message']}"
     elif stopped:
         failure = "stopped", stopped
-    from explicitfe.app.view.terminal.kinds import KINDS
+    from explicitfe.app.view.terminal import indentation, transient
 
-    tables = KINDS[analysis.scenario.analysis.type]
+    tables: AnalysisTables = indentation if "loads" in summary else transient
     print_answer(summary, as_json, lambda: tables.summary_table(summary), summary["warnings"], failure)
 
 

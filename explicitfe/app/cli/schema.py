@@ -10,7 +10,7 @@ from explicitfe.app.view.progress import following
 from explicitfe.platform.errors import InputError
 
 
-@command(kind="[FILE]", completions={"kind": complete_words(list(FILES))})
+@command(kind="[FILE]", completions={"kind": complete_words(FILES)})
 def schema(kind: str | None = None, *, answer: str | None = None) -> None:
     """Print the JSON schema of an input file, for editors that complete and validate TOML.
 

@@ -9,15 +9,10 @@ from pydantic import BaseModel, JsonValue
 from pydantic.json_schema import models_json_schema
 
 from explicitfe.fem.inputs.bounds import with_bounds
-from explicitfe.inverse.measured.tables import DatasetFile, MeasuredNoise, MeasuredSpecimen, MeasuredTool
+from explicitfe.inverse.measured.tables import MeasuredNoise, MeasuredSpecimen, MeasuredTool
 
 # Tables of a curve that override those of the dataset before they are validated: key -> their schema.
 _MERGED: dict[str, type[BaseModel]] = {"specimen": MeasuredSpecimen, "tool": MeasuredTool, "noise": MeasuredNoise}
-
-
-def dataset_schema() -> dict[str, object]:
-    """Return the JSON schema of ``dataset.toml``."""
-    return schema_with_merged_tables(DatasetFile)
 
 
 def schema_with_merged_tables(file: type[BaseModel]) -> dict[str, object]:

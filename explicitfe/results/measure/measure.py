@@ -23,19 +23,7 @@ from explicitfe.results.measure.tract import PALATE, Nearest, constriction, narr
 
 
 def measure(path: Path, time_s: float | None = None, formants: bool = False) -> Measures:
-    """Measure a result of a run in time; docs/reference/measures.md defines the measures.
-
-    Parameters
-    ----------
-    path : the result, of a run that finished, failed or was killed.
-    time_s : time of the measured sample, the nearest one; the last sample by default.
-    formants : whether the airway and its formants are measured too.
-
-    Raises
-    ------
-    InputError : the file cannot be read, is the result of an indentation, or has no such time; or formants are requested of a run
-        without an airway.
-    """
+    """Measure a result of a run in time; see :func:`explicitfe.measure`."""
     with open_result(path) as result:
         if kind_of(result.model) != "transient":
             raise InputError(f"{path} is the result of an indentation, which has no such measures; see `explicitfe inspect`.")

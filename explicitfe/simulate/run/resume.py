@@ -7,7 +7,7 @@ import time
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from pydantic import ValidationError
@@ -31,35 +31,8 @@ from explicitfe.simulate.scenario.read import kind_of
 MOST_SHOWN_CHARACTERS = 60  # of a value in a sentence
 
 
-class Resumed(NamedTuple):
-    """A resumed run: its analysis, for tables and pictures, and its summary."""
-
-    analysis: Analysis[Any, Any]
-    summary: RunSummary
-
-
 def resume(path: Path | str, *, overwrite: bool = False, threads: int | None = None, progress: Progress = silent) -> RunSummary:
-    """Resume an interrupted run. The result is bitwise identical to that of an uninterrupted run.
-
-    With another number of threads, or on another machine, it is identical up to rounding. A finished run is not changed.
-
-    Parameters
-    ----------
-    path : the interrupted result, ``NAME.running.vtkhdf``, or its name in the folder ``outputs``.
-    overwrite : replace a finished result that has the final name of this run.
-    threads : number of threads from here on; that of the scenario by default.
-    progress : called with the stage and the share of it that is done.
-
-    Raises
-    ------
-    InputError : the file is no result, is being written, belongs to a run that failed, or its model cannot be built again
-        identically.
-    """
-    return resume_file(path, overwrite=overwrite, threads=threads, progress=progress).summary
-
-
-def resume_file(path: Path | str, *, overwrite: bool = False, threads: int | None = None, progress: Progress = silent) -> Resumed:
-    """Resume a run as :func:`resume` does, and return its analysis too."""
+    """Resume an interrupted run; see :func:`explicitfe.resume`."""
     begin = time.perf_counter()
     path = find_result(Path(path), unfinished_first=True)
     with open_result(path) as result:
@@ -72,7 +45,7 @@ def stored_before(target: Path) -> Path | None:
     return next((path for path in (running_path(target), target) if path.exists()), None)
 
 
-def resume_analysis(analysis: Analysis[Any, Any], path: Path, *, overwrite: bool, progress: Progress) -> Resumed:
+def resume_analysis(analysis: Analysis[Any, Any], path: Path, *, overwrite: bool, progress: Progress) -> RunSummary:
     """Resume the run stored in ``path`` for a scenario that has been read again.
 
     Raises
@@ -93,7 +66,7 @@ def resume_analysis(analysis: Analysis[Any, Any], path: Path, *, overwrite: bool
 # ---- inside ----
 
 
-def _resume(analysis: Analysis[Any, Any], result: Result, overwrite: bool, progress: Progress) -> Resumed:
+def _resume(analysis: Analysis[Any, Any], result: Result, overwrite: bool, progress: Progress) -> RunSummary:
     path, target = result.path, final_path(result.path)
     if result.live:
         raise InputError(f"{path} is being written by another run; wait until it ends.")
@@ -102,7 +75,7 @@ def _resume(analysis: Analysis[Any, Any], result: Result, overwrite: bool, progr
         result.close()
         if path != target:  # killed between its last sample and its renaming
             to_final(path, target, overwrite)
-        return Resumed(analysis, summary)
+        return summary
     if result.status not in (RUNNING, INTERRUPTED):
         raise InputError(
             f'{path} cannot be resumed, because its run failed ("{result.status}": {result.message or "no message is stored."}) '
@@ -115,8 +88,7 @@ def _resume(analysis: Analysis[Any, Any], result: Result, overwrite: bool, progr
     begun = Begun(path, state, _rows_until(result, state))
     result.close()
     with stopping.watching():
-        summary = analysis.run(target, overwrite=overwrite, progress=progress, begun=begun)
-    return Resumed(analysis, summary)
+        return analysis.run(target, overwrite=overwrite, progress=progress, begun=begun)
 
 
 def _analysis_of(result: Result, threads: int | None) -> Analysis[Any, Any]:

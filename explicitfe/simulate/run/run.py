@@ -50,32 +50,10 @@ def run(
     resume: bool = False,
     progress: Progress = silent,
 ) -> RunSummary:
-    """Run a scenario and store its result.
-
-    Parameters
-    ----------
-    path : scenario file, or the name of a shipped scenario.
-    out : folder of the result, created if it does not exist.
-    name : name of the result, to distinguish variants of a scenario; that of the scenario by default.
-    settings : ``key=value`` pairs that replace values of the file.
-    notes : sentences for the user, prepended to the warnings of the summary.
-    overwrite : replace an existing result.
-    resume : resume an interrupted run of this scenario if there is one; see ``run/resume.py``.
-    progress : called with the stage and the share of it that is done.
-
-    Returns
-    -------
-    The summary, as ``explicitfe run --json`` prints it. ``status`` is "finished", or the reason why the run ended early; then
-    ``message`` has a sentence for the user, and the samples so far are stored. Ctrl-C ends a run after the current sample, with
-    the status "interrupted"; a second Ctrl-C raises KeyboardInterrupt immediately.
-
-    Raises
-    ------
-    InputError : nothing was run and nothing written.
-    """
+    """Run a scenario and store its result; see :func:`explicitfe.run`. ``notes`` are prepended to the warnings of the summary."""
     analysis, target = prepare(path, settings, notes), result_path(path, out, name)
     stored = stored_before(target) if resume else None
     if stored is not None:
-        return resume_analysis(analysis, stored, overwrite=overwrite, progress=progress).summary
+        return resume_analysis(analysis, stored, overwrite=overwrite, progress=progress)
     with stopping.watching():
         return analysis.run(target, overwrite=overwrite, progress=progress)

@@ -50,23 +50,7 @@ def export(
     overwrite: bool = False,
     progress: Progress = silent,
 ) -> ExportedResult:
-    """Export a result to formats of other programs.
-
-    Parameters
-    ----------
-    path : the result, or its name in the folder ``outputs``.
-    to : one or more of ``FORMATS``: tables (csv, parquet), all arrays (mat, npz), a mesh (vtu) or a surface (stl) at one time.
-    out : output folder; that of the result by default.
-    time_s : time for vtu and stl, of which the nearest stored time is used; the last one by default.
-    positions, history : options of tables, see ``export/table.py``.
-    overwrite : replace existing files.
-    progress : called with the stage and the share of it that is done.
-
-    Raises
-    ------
-    InputError : the result cannot be read, the format or time does not exist, or a file exists or cannot be written.
-    MachineError : the disk is full; no file was written.
-    """
+    """Export a result to formats of other programs; see :func:`explicitfe.export`."""
     path = find_result(Path(path))
     for name in to:
         if name not in FORMATS:

@@ -8,7 +8,7 @@ from pathlib import Path
 from explicitfe.app.cli.answer import console, print_answer
 from explicitfe.app.cli.command import command
 from explicitfe.app.cli.completion import complete_scenario_or_dataset
-from explicitfe.app.cli.options import tissue_settings_of
+from explicitfe.app.cli.tissue_settings import tissue_settings_of
 from explicitfe.app.view.progress import following
 from explicitfe.platform.errors import InputError
 from explicitfe.platform.host.shipped import is_dataset

@@ -5,18 +5,16 @@ from __future__ import annotations
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
-import typer
 from rich.markup import escape
 from rich.table import Table
 
 from explicitfe.app.cli import asking
 from explicitfe.app.cli.answer import console, print_answer
-from explicitfe.app.cli.completion import complete_scenario, complete_table, complete_words
-from explicitfe.app.cli.grouped import with_options
+from explicitfe.app.cli.command import command
+from explicitfe.app.cli.completion import complete_table, complete_words
 from explicitfe.app.cli.new import print_next
-from explicitfe.app.cli.options import JsonOption
 from explicitfe.app.view.progress import following
 from explicitfe.platform.errors import InputError, nearest, shortened
 from explicitfe.platform.host.shipped import MARKER_SUFFIXES
@@ -39,102 +37,96 @@ CONTROLS, BASES = ("displacement", "force"), ("unknown", "bonded", "frictionless
 ROWS_SHOWN = 3
 
 
-def _column(quantity: str) -> typer.models.OptionInfo:
-    return typer.Option(f"--{quantity}", metavar="COL[:UNIT]", help=f"Column of the {quantity.replace('-', ' ')}, and its unit.")
-
-
-def _option(metavar: str | None, words: str, *names: str, **more: Any) -> typer.models.OptionInfo:
-    return typer.Option(*names, metavar=metavar, help=words, **more)
-
-
-def _of_trajectory(metavar: str | None, words: str, *names: str, **more: Any) -> typer.models.OptionInfo:
-    return _option(metavar, f"Trajectory: {words}", *names, **more)
-
-
 # Options of one kind of test only.
 OF_TRAJECTORIES = ("mapping", "fixed", "scenario", "unit", "rate_hz", "axes", "noise_mm", "interval_s")
 COLUMN_OPTIONS = ("time", "displacement", "force", "stretch", "stress", "shear_strain", "shear_stress")
 OF_SPECIMENS = ("tool", "diameter_mm", "height_mm", "size_mm", "force_sd_N", "rate", "contact_force_N")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class NewDatasetOptions:
-    """Options of ``explicitfe new dataset``."""
+    """Options of ``explicitfe new dataset``.
 
-    out: Annotated[Path | None, _option("DIR", "Folder of the dataset.", show_default="named after the files")] = None
-    test: Annotated[
-        str | None,
-        _option(
-            None,
-            f"{' | '.join(TESTS)}; one for each file, separated by commas, for several homogeneous tests in one dataset.",
-            autocompletion=complete_words(TESTS),
-        ),
-    ] = None
-    time: Annotated[str | None, _column("time")] = None
-    displacement: Annotated[str | None, _column("displacement")] = None
-    force: Annotated[str | None, _column("force")] = None
-    stretch: Annotated[str | None, _column("stretch")] = None
-    stress: Annotated[str | None, _column("stress")] = None
-    shear_strain: Annotated[str | None, _column("shear-strain")] = None
-    shear_stress: Annotated[str | None, _column("shear-stress")] = None
-    diameter_mm: Annotated[float | None, _option("MM", "Diameter of a cylindrical specimen.")] = None
-    height_mm: Annotated[float | None, _option("MM", "Height of the cylinder, along the load.")] = None
-    size_mm: Annotated[str | None, _option("X,Y,Z", "Dimensions of a block; the last one is along the load.")] = None
-    base: Annotated[str, _option(None, f"Support of the specimen: {' | '.join(BASES)}")] = "unknown"
-    tool: Annotated[str | None, _option(None, " | ".join(TOOLS), autocompletion=complete_words(TOOLS))] = None
-    tool_diameter_mm: Annotated[float | None, _option("MM", "Diameter of the tool.")] = None
-    control: Annotated[str, _option(None, f"Quantity that the machine imposed: {' | '.join(CONTROLS)}")] = "displacement"
-    friction: Annotated[str, _option(None, "Friction coefficient of the tool, or stick | unknown")] = "unknown"
-    length_mm: Annotated[float | None, _option("MM", "Free length of a strip between clamps.")] = None
-    area_mm2: Annotated[float | None, _option("MM2", "Cross-section of the strip.")] = None
-    rate: Annotated[float | None, _option("PER_S", "Loading rate in mm/s or N/s, if there is no time column.")] = None
-    force_sd_N: Annotated[
-        float | None,
-        _option("N", "Standard deviation of the force noise.", "--force-sd-N", show_default="estimated"),
-    ] = None
-    contact_force_N: Annotated[
-        float | None, _option("N", "Omit the rows before the force first reaches this value.", "--contact-force-N")
-    ] = None
-    one_specimen: Annotated[
-        bool | None,
-        _option(None, "All files come from one specimen or speaker, or each from another.", "--one-specimen/--a-specimen-each"),
-    ] = None
-    mapping: Annotated[
-        list[str] | None,
-        _of_trajectory(
-            "POINT=SENSOR",
-            "map a point of the scenario, or the position X,Y,Z in mm of a marker, to a sensor; repeat.",
-            "--map",
-        ),
-    ] = None
-    fixed: Annotated[list[str] | None, _of_trajectory("SENSOR", "a marker that sits on what does not move; repeat.")] = None
-    scenario: Annotated[
-        Path | None, _of_trajectory("SCENARIO", "scenario to compare with.", autocompletion=complete_scenario)
-    ] = None
-    unit: Annotated[str | None, _of_trajectory(None, "unit of columns that name none, or in place of that in the file.")] = None
-    rate_hz: Annotated[float | None, _of_trajectory("HZ", "sampling rate, if there is no time column.")] = None
-    axes: Annotated[str | None, _of_trajectory("X,Y,Z", "directions of x, y and z, such as front,left,up.")] = None
-    noise_mm: Annotated[float | None, _of_trajectory("MM", "standard deviation of a coordinate.")] = None
-    interval_s: Annotated[str | None, _of_trajectory("START:END", "rows to use; START is time 0 of the scenario.")] = None
-    title: Annotated[str | None, _option(None, "Title in tables and pictures.")] = None
-    source: Annotated[str, _option(None, "Who measured the data, and where they are published.")] = ""
-    license_: Annotated[str, _option(None, "License of the data.", "--license")] = ""
-    as_json: JsonOption = False
+    Parameters
+    ----------
+    out : folder of the dataset; by default named after the files.
+    test : kind of test: compression | indentation | tension | equibiaxial | planar | shear | trajectory; one for each file,
+        separated by commas, for several homogeneous tests in one dataset.
+    time, displacement, force, stretch, stress, shear_strain, shear_stress : column of this quantity, and its unit.
+    diameter_mm : diameter of a cylindrical specimen.
+    height_mm : height of the cylinder, along the load.
+    size_mm : dimensions of a block; the last one is along the load.
+    base : support of the specimen: unknown | bonded | frictionless.
+    tool : shape of the tool: platen | flat-cylinder | sphere | bonded-disc | clamps.
+    tool_diameter_mm : diameter of the tool.
+    control : quantity that the machine imposed: displacement | force.
+    friction : friction coefficient of the tool, or stick | unknown.
+    length_mm : free length of a strip between clamps.
+    area_mm2 : cross-section of the strip.
+    rate : loading rate in mm/s or N/s, if there is no time column.
+    force_sd_N : standard deviation of the force noise in N; by default estimated.
+    contact_force_N : omit the rows before the force first reaches this value in N.
+    one_specimen : all files come from one specimen or speaker, or each from another.
+    mapping : trajectory: map a point of the scenario, or the position X,Y,Z in mm of a marker, to a sensor.
+    fixed : trajectory: a marker that sits on what does not move.
+    unit : trajectory: unit of columns that name none, or in place of that in the file.
+    rate_hz : trajectory: sampling rate, if there is no time column.
+    axes : trajectory: directions of x, y and z, such as front,left,up.
+    noise_mm : trajectory: standard deviation of a coordinate in mm.
+    interval_s : trajectory: rows to use; START is time 0 of the scenario.
+    title : title in tables and pictures.
+    source : who measured the data, and where they are published.
+    license_ : license of the data.
+    """
+
+    out: Path | None = None
+    test: str | None = None
+    time: str | None = None
+    displacement: str | None = None
+    force: str | None = None
+    stretch: str | None = None
+    stress: str | None = None
+    shear_strain: str | None = None
+    shear_stress: str | None = None
+    diameter_mm: float | None = None
+    height_mm: float | None = None
+    size_mm: str | None = None
+    base: str = "unknown"
+    tool: str | None = None
+    tool_diameter_mm: float | None = None
+    control: str = "displacement"
+    friction: str = "unknown"
+    length_mm: float | None = None
+    area_mm2: float | None = None
+    rate: float | None = None
+    force_sd_N: float | None = None
+    contact_force_N: float | None = None
+    one_specimen: bool | None = None
+    mapping: Sequence[str] = ()
+    fixed: Sequence[str] = ()
+    scenario: Path | None = None
+    unit: str | None = None
+    rate_hz: float | None = None
+    axes: str | None = None
+    noise_mm: float | None = None
+    interval_s: str | None = None
+    title: str | None = None
+    source: str = ""
+    license_: str = ""
 
 
-@with_options(NewDatasetOptions)
-def new_dataset(
-    files: Annotated[
-        list[Path],
-        typer.Argument(
-            help="Tables (.csv, .txt) or recordings (.c3d, .trc, .sto, .pos, .mat), one per test. Bundled examples: gel-slow.csv "
-            "gel-medium.csv gel-fast.csv ema-vowel-i.csv",
-            show_default=False,
-            autocompletion=complete_table,
-        ),
-    ],
-    options: NewDatasetOptions,
-) -> None:
+@command(
+    NewDatasetOptions,
+    completions={"files": complete_table, "test": complete_words(TESTS), "tool": complete_words(TOOLS)},
+    **{name: f"--{name.replace('_', '-')} COL[:UNIT]" for name in COLUMN_OPTIONS},
+    fixed="--fixed SENSOR",
+    interval_s="--interval-s START:END",
+    license_="--license",
+    one_specimen="--one-specimen/--a-specimen-each",
+    scenario="--scenario SCENARIO",
+    size_mm="--size-mm X,Y,Z",
+)
+def new_dataset(files: list[Path], *, as_json: bool = False, **given: Any) -> None:
     """Make a dataset from tables of a testing machine, or from recordings of sensors.
 
     Columns, units and signs are converted; notes list every change. At a terminal, the command asks for missing information.
@@ -146,7 +138,14 @@ def new_dataset(
 
     Example: [bold]explicitfe new dataset motion.c3d --test trajectory --map 100,15,36=M0 --map 6,-10,-1=M3 --map 6,40,0=M4
     --fixed M3 --fixed M4 --scenario beam-release[/bold]
+
+    Parameters
+    ----------
+    files : tables (.csv, .txt) or recordings (.c3d, .trc, .sto, .pos, .mat), one per test. Bundled examples: gel-slow.csv
+        gel-medium.csv gel-fast.csv ema-vowel-i.csv.
+    scenario : trajectory: scenario to compare with.
     """
+    options = NewDatasetOptions(**given)
     _check_words(options)
     columns = {name.replace("_", "-"): getattr(options, name) for name in COLUMN_OPTIONS}
     if options.test == TESTS[-1]:
@@ -160,8 +159,8 @@ def new_dataset(
             folder = options.out or usual_folder(files)
             trajectories = TrajectoryDescription(
                 title=options.title or f"Recording of {folder.name}",
-                mapping=parse_mapping(options.mapping or ()),
-                fixed=options.fixed or (),
+                mapping=parse_mapping(options.mapping),
+                fixed=options.fixed,
                 scenario=options.scenario,
                 noise_mm=options.noise_mm,
                 interval_s=None if options.interval_s is None else parse_interval(options.interval_s, "--interval-s"),
@@ -173,7 +172,7 @@ def new_dataset(
                 read_coils(export_file(file), unit=options.unit, rate_hz=options.rate_hz, axes=options.axes) for file in files
             ]
             dataset = write_new_trajectory(folder, recordings, trajectories)
-        _print(dataset, options.as_json)
+        _print(dataset, as_json)
         return
     _refuse(options, OF_TRAJECTORIES, "is for --test trajectory only")
     for file in files:
@@ -229,7 +228,7 @@ def new_dataset(
         raise InputError(f"{exports[0].path}: add {options_to_add}. Columns: {shortened(names)}{texts}.")
     with following(console, f"reading {', '.join(map(str, files))}"):
         sources = [_whole(export, choices) for export, choices in sources]
-    _print(write_new_dataset(options.out or usual_folder(files), sources, description), options.as_json)
+    _print(write_new_dataset(options.out or usual_folder(files), sources, description), as_json)
 
 
 def _print(dataset: NewDataset, as_json: bool) -> None:
@@ -262,7 +261,7 @@ def _check_words(options: NewDatasetOptions) -> None:
 def _refuse(options: NewDatasetOptions, names: Sequence[str], why: str) -> None:
     """Raise InputError if an option is given that the test does not have."""
     for name in names:
-        if getattr(options, name) not in (None, []):
+        if getattr(options, name) not in (None, ()):
             raise InputError(f"`{name}` {why}; omit it.")
 
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from explicitfe.app.api.source import is_sweep
 from explicitfe.app.cli.answer import console, print_answer
 from explicitfe.app.cli.command import command
-from explicitfe.app.cli.options import is_sweep
 from explicitfe.app.view.progress import following
 from explicitfe.platform.errors import InputError
 

@@ -13,8 +13,8 @@ from explicitfe.app.cli.answer import console, print_answer
 from explicitfe.app.cli.command import command
 from explicitfe.app.cli.ending import FailureKind, short_name
 from explicitfe.app.cli.help import debugging
-from explicitfe.app.cli.options import tissue_settings_of
 from explicitfe.app.cli.streams import stderr
+from explicitfe.app.cli.tissue_settings import tissue_settings_of
 from explicitfe.app.view.progress import following
 from explicitfe.platform.errors import Progress
 from explicitfe.platform.host import stopping

@@ -9,7 +9,7 @@ from typing import Any
 from explicitfe.app.api import sweep as api
 from explicitfe.app.cli.answer import console, print_answer
 from explicitfe.app.cli.command import command
-from explicitfe.app.cli.options import tissue_settings_of
+from explicitfe.app.cli.tissue_settings import tissue_settings_of
 from explicitfe.app.view.progress import following
 from explicitfe.platform.errors import InputError
 from explicitfe.platform.host import stopping

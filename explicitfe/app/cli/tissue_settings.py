@@ -1,21 +1,10 @@
-"""Helpers of several commands."""
+"""Settings of a scenario that several commands take from a tissue model."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
-
-import typer
 
 from explicitfe.platform.errors import InputError
-from explicitfe.platform.host.result_files import SWEEP_FILE
-
-JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout and nothing else.")]
-
-
-def is_sweep(path: Path) -> bool:
-    """Whether a path is the folder of a sweep."""
-    return (path / SWEEP_FILE).is_file()
 
 
 def tissue_settings_of(scenario: Path, model: Path | None, group: str | None) -> tuple[list[str], list[str]]:

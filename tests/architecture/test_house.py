@@ -16,7 +16,7 @@ from support import ROOT
 PACKAGE = ROOT / "explicitfe"
 # What may stand at the top of the package, beside the wings: `import explicitfe`, `python -m explicitfe`, and the mark that the
 # package ships its types.
-LOOSE = {"__init__.py", "__main__.py", "py.typed"}
+LOOSE = {"__init__.py", "__init__.pyi", "__main__.py", "py.typed"}
 LONGEST_MODULE_LINES = 450
 MOST_UNTYPED_DICTIONARIES = 78
 MOST_ARGUMENTS = 12

@@ -55,14 +55,6 @@ def test_all_names_of_the_facade_exist():
         assert name in dir(explicitfe)
 
 
-def test_type_checkers_see_the_same_names():
-    """The lazy table and the block for type checkers list the same names from the same modules."""
-    text = (ROOT / "explicitfe" / "__init__.py").read_text(encoding="utf-8")
-    pairs = {(name, module) for module, name in re.findall(r"^    from (explicitfe\.\S+) import (\w+) as \2$", text, re.M)}
-    assert pairs
-    assert pairs == set(explicitfe._PLACES.items())
-
-
 def test_a_command_stays_a_function_when_its_folder_is_imported():
     code = "import explicitfe as fe, explicitfe.simulate.sweep.rows; print(callable(fe.run), callable(fe.sweep))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT, check=True)

@@ -25,55 +25,34 @@ def answer_to_shell(command: Any) -> int | None:
     return shell_complete(command, {}, PROGRAM, VARIABLE, instruction) if instruction else None
 
 
-def complete_scenario(incomplete: str) -> list[str]:
-    """Scenarios."""
-    return _fitting(incomplete, shipped.scenarios(), ".toml")
+def complete_words(words: Sequence[str]) -> Callable[[str], list[str]]:
+    """What completes one of a few words."""
+    return lambda incomplete: [word for word in words if word.startswith(incomplete)]
 
 
 def complete_shipped(incomplete: str) -> list[str]:
     """Scenarios that come with the program."""
-    return [name for name in shipped.scenarios() if name.startswith(incomplete)]
+    return complete_words(list(shipped.scenarios()))(incomplete)
 
 
-def complete_dataset(incomplete: str) -> list[str]:
-    """Datasets."""
-    return _fitting(incomplete, shipped.datasets(), ".toml")
+def _complete(names: Callable[[], Iterable[str]], endings: str | tuple[str, ...]) -> Callable[[str], list[str]]:
+    """What completes a name, or a file of these endings."""
+    return lambda incomplete: _fitting(incomplete, names(), endings)
 
 
-def complete_scenario_or_dataset(incomplete: str) -> list[str]:
-    """Scenarios and datasets."""
-    return _fitting(incomplete, [*shipped.scenarios(), *shipped.datasets()], ".toml")
-
-
-def complete_protocol(incomplete: str) -> list[str]:
-    """Protocols of planned tests."""
-    return _fitting(incomplete, shipped.protocols(), ".toml")
-
-
-def complete_table(incomplete: str) -> list[str]:
-    """Tables of testing machines, and recordings."""
-    return _fitting(incomplete, shipped.exports(), (*shipped.TABLE_SUFFIXES, *shipped.MARKER_SUFFIXES))
-
-
-def complete_result(incomplete: str) -> list[str]:
-    """Results: names in the output folder, and files."""
-    return _fitting(incomplete, result_files.result_names(), result_files.SUFFIX)
-
-
-def complete_unfinished_result(incomplete: str) -> list[str]:
-    """Interrupted results: names in the output folder, and files."""
+def _names_of_unfinished() -> list[str]:
+    """Interrupted results in the output folder."""
     ending = result_files.RUNNING_SUFFIX
-    names = [name.removesuffix(ending) for name in result_files.result_names() if name.endswith(ending)]
-    return _fitting(incomplete, names, f"{ending}{result_files.SUFFIX}")
+    return [name.removesuffix(ending) for name in result_files.result_names() if name.endswith(ending)]
 
 
-def complete_words(words: Sequence[str]) -> Callable[[str], list[str]]:
-    """What completes one of a few words."""
-
-    def complete(incomplete: str) -> list[str]:
-        return [word for word in words if word.startswith(incomplete)]
-
-    return complete
+complete_scenario = _complete(shipped.scenarios, ".toml")
+complete_dataset = _complete(shipped.datasets, ".toml")
+complete_scenario_or_dataset = _complete(lambda: [*shipped.scenarios(), *shipped.datasets()], ".toml")
+complete_protocol = _complete(shipped.protocols, ".toml")
+complete_table = _complete(shipped.exports, (*shipped.TABLE_SUFFIXES, *shipped.MARKER_SUFFIXES))
+complete_result = _complete(result_files.result_names, result_files.SUFFIX)
+complete_unfinished_result = _complete(_names_of_unfinished, f"{result_files.RUNNING_SUFFIX}{result_files.SUFFIX}")
 
 
 def _fitting(incomplete: str, names: Iterable[str], endings: str | tuple[str, ...]) -> list[str]:

@@ -18,8 +18,8 @@ invalid.
 """
 GROUPS = {
     "Runs and data": (
-        "run", "resume", "save", "sweep", "check", "check_dataset", "identify", "predict", "close_loop", "design_test",
-        "propose_tests",
+        "run", "resume", "save", "sweep", "SweepDesign", "SweepExecution", "check", "check_dataset", "identify", "predict",
+        "close_loop", "design_test", "propose_tests",
     ),
     "Results": ("open_result", "Result", "measure", "compare", "compare_recording", "plot", "view", "report", "export"),
     "Meshes and models": (

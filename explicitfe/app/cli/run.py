@@ -21,7 +21,6 @@ from explicitfe.platform.host import stopping
 from explicitfe.platform.host.extras import require
 
 if TYPE_CHECKING:
-    from explicitfe.app.view.terminal.kinds import AnalysisTables
     from explicitfe.results.documents.run_summary import RunSummary
 
 
@@ -63,9 +62,9 @@ def show_run(summary: RunSummary, stopped: str | None, as_json: bool) -> None:
         failure = kind, summary["message"] if kind == "stopped" else f"{summary['status']}: {summary['message']}"
     elif stopped:
         failure = "stopped", stopped
-    from explicitfe.app.view.terminal import indentation, transient
+    from explicitfe.app.view.terminal.kinds import KINDS
 
-    tables: AnalysisTables = indentation if "loads" in summary else transient
+    tables = KINDS["relaxation" if "loads" in summary else "transient"]
     print_answer(summary, as_json, lambda: tables.summary_table(summary), summary["warnings"], failure)
 
 

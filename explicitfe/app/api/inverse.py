@@ -102,9 +102,9 @@ def predict(
     out : output folder for predict.json, a page and one CSV file per curve; by default none is written.
     curves : ids of the curves to predict; by default all.
     refinement : divide element sizes by this factor; by default that of the model file.
-    density : multiplies the numbers of instants of tests under a tool; the model's own if left out.
-    tolerance : relative force residual of an equilibrium; the model's own if left out.
-    processes : largest number of processes; the number of cores if left out.
+    density : multiply the numbers of instants of tests under a tool by this factor; by default that of the model file.
+    tolerance : relative force residual of an equilibrium; by default that of the model file.
+    processes : largest number of processes; by default the number of cores.
     overwrite : replace existing results.
     progress : called with the stage and the share of it that is done.
 
@@ -159,11 +159,11 @@ def close_loop(
     Parameters
     ----------
     dataset : folder of the dataset, its dataset.toml, or the name of a dataset that comes with the program.
-    out : folder for report.html, report.json, pictures and model files; nothing is written if it is left out.
+    out : output folder for report.html, report.json, pictures and model files; by default none is written.
     add : further datasets of the same specimen and machine whose curves are fitted too, such as a proposed test.
     holdout : ids of curves to hold out: they are predicted and not fitted; by default chosen by the dataset or by a rule.
     constants_by : condition, or group, by which curves share constants, such as direction; by default as the dataset says, unless
-         equal tests on several specimens show that one set cannot serve all of them.
+        equal tests on several specimens show that one set cannot serve all of them.
     effects : names of the effects to consider; by default all.
     max_effects : largest number of effects to add; several terms of one effect count separately.
     simulations : the search ends after so many simulations, but fits may take as many as what precedes them. "usual" is 4 000 for
@@ -171,7 +171,7 @@ def close_loop(
         names them. The verdict does not depend on the machine.
     minutes : safety limit on the time, even within a simulation; None is no limit. A search that it ends before the effects are
         screened has the verdict "failed".
-    processes : at most so many; one a core if left out.
+    processes : largest number of processes; by default the number of cores.
     overwrite : replace an existing report.
     progress : called with the stage and the share of it that is done.
 
@@ -277,7 +277,7 @@ def propose_tests(
     Parameters
     ----------
     dataset : report.json of :func:`close_loop` or its folder; or a dataset, on which the loop is closed first.
-    out : folder for proposed-tests.json and a protocol of each test; nothing is written if left out.
+    out : output folder for proposed-tests.json and a protocol of each test; by default none is written.
     overwrite : replace an earlier answer.
 
     Raises

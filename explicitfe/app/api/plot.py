@@ -24,7 +24,7 @@ def plot(result: Source, picture: str | None = None, *, times_s: Sequence[float]
     picture : of a run in time "contour" (the default), "coronal", "probes", "energies", "palatogram", "airway" or
         "reaction:NAME", the force-displacement curve of a support or fixed node set; of an indentation "curve" (the default) or
         "section"; of a sweep "outlines" (the default), "effects", "maps", "indices", or two columns as "A:B".
-    times_s : the times to draw, s; a picture of one time shows the last of them. The end if left out.
+    times_s : the times to draw, s; a picture of one time shows the last of them; by default the end.
 
     Returns
     -------

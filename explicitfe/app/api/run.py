@@ -117,7 +117,7 @@ def save(
     path : result file; ".vtkhdf" is appended if it is missing, and the folder is created.
     duration_s : simulated time, s.
     every_s : time between samples, s.
-    step_s : a fixed time step, s; the largest stable step if left out.
+    step_s : a fixed time step, s; by default the largest stable step.
     title : heading of tables and pictures.
     overwrite : replace an existing result.
     progress : called with the stage and the share of it that is done.

@@ -109,7 +109,7 @@ def command(
         texts |= SHARED_HELP | own_texts
         options, completes = OPTION_OF_PARAMETER | spelled, COMPLETIONS | dict(completions or {})
         shown = [
-            _shown(one, texts[name], options.get(name, ""), completes.get(name))
+            _shown(one, texts.get(name, name), options.get(name, ""), completes.get(name))
             for name, one in (parameters | own).items()
             if name in own or not (name in ("progress", *without) or one.kind is one.VAR_KEYWORD)
         ]
@@ -131,7 +131,7 @@ def command(
 
 
 def _help_texts(function: Callable[..., object]) -> tuple[str, dict[str, str]]:
-    """The text of a docstring before its sections, and the help of each parameter."""
+    """The text of a docstring before its sections, and the help of each parameter; none under ``python -OO``."""
     words, _, sections = (inspect.getdoc(function) or "").partition("\nParameters\n----------\n")
     entries = re.findall(r"^(\w[\w, ]*) : (.*(?:\n .*)*)", re.split(r"\n\w+\n---", sections)[0], re.M)
     return words, {name: _plain(text) for names, text in entries for name in names.split(", ")}

@@ -20,6 +20,7 @@ def view(
     gif: bool = False,
     mp4: bool = False,
     size: str = "960x720",
+    viewpoint: str | None = None,
     as_json: bool = False,
     **options: Any,
 ) -> None:
@@ -45,7 +46,7 @@ def view(
         from explicitfe.app.view.scene.show import show
         from explicitfe.app.view.terminal.drawn import scene_table
 
-        shown = show(results, files=files, size_px=_size(size), **options, progress=progress)
+        shown = show(results, viewpoint, files=files, size_px=_size(size), **options, progress=progress)
     print_answer(shown, as_json, lambda: scene_table(shown), shown["warnings"])
 
 

@@ -17,6 +17,7 @@ from explicitfe.fem.reduced.snapshots import Snapshots
 FITTED_STATES, SMALLEST_SHARE = 40, 1e-7
 # A change of volume counts as the force of a pressure, over the metric's stiffness against it.
 VOLUME_WEIGHT = 10.0
+DUAL_WEIGHT = 100.0
 CANDIDATES_AT_ONCE = 4
 
 
@@ -37,18 +38,25 @@ def cubature_of(snapshots: Snapshots, modes: Modes, most: int, tolerance: float)
     tolerance : of the forces on the modes and of the volumes, relative to their norm.
     """
     weights = snapshots.section.quads.weights.ravel()
+    states = snapshots.displacements
+    amounts = np.linalg.lstsq(modes.displacements, states.T, rcond=None)[0].T
+    shape = modes.pressures.reshape(-1, modes.pressures.shape[2])
+    heads = np.linalg.lstsq(shape, snapshots.pressures.reshape(len(states), -1).T, rcond=None)[0].T
     rows = []
-    chosen = np.unique(np.linspace(0, len(snapshots.displacements) - 1, FITTED_STATES).astype(int))
-    for state in chosen:
-        pressure = np.einsum("qk,mk->mq", snapshots.section.quads.linear, snapshots.pressures[state]).ravel()
-        amounts = np.linalg.lstsq(modes.displacements, snapshots.displacements[state], rcond=None)[0]
-        gradient = modes.gradients @ amounts + np.array([1.0, 0.0, 0.0, 1.0, 1.0])
+    for state in np.unique(np.linspace(1, len(states) - 2, FITTED_STATES).astype(int)):
+        pressure = modes.at_points @ heads[state]
+        gradient = modes.gradients @ amounts[state] + np.array([1.0, 0.0, 0.0, 1.0, 1.0])
         cofactor, volume = cofactors(gradient)
         of_pressure = pressure[:, None] * cofactor
-        stress = snapshots.stresses[state] - of_pressure
-        rows.append(np.einsum("q,qi,qin->nq", weights, stress, modes.gradients))
-        rows.append(np.einsum("q,qi,qin->nq", weights, of_pressure, modes.gradients))
-        rows.append(VOLUME_WEIGHT * (weights * (volume - 1.0)) * modes.at_points.T)
+        of_shape = snapshots.stresses[state] - of_pressure
+        forces = [np.einsum("q,qi,qin->nq", weights, stress, modes.gradients) for stress in (of_shape, of_pressure)]
+        growth = weights * (volume - 1.0) * modes.at_points.T
+        rows += [*forces, VOLUME_WEIGHT * growth]
+        # What an error does to the force on the tool: its work on the change of the state with the depth.
+        for other in (state - 1, state + 1):
+            along, rise = amounts[other] - amounts[state], heads[other] - heads[state]
+            size = np.linalg.norm(along) / DUAL_WEIGHT
+            rows.append(((along @ (forces[0] + forces[1]) + rise @ growth) / size)[None, :])
     rows.append(weights[None, :] / np.sqrt(weights.sum()) * 1e-2)
     matrix = np.concatenate(rows)
     gram = matrix @ matrix.T

@@ -13,7 +13,7 @@ import numpy as np
 
 from explicitfe.fem.forces import response
 from explicitfe.fem.materials import law_of
-from explicitfe.fem.solve.quad9 import OWN_PRESSURE, SCALE, UNSHIFTED, answers_of
+from explicitfe.fem.solve.quad9 import SCALE, UNSHIFTED, answers_of
 from explicitfe.fem.solve.section import Edges
 from explicitfe.fem.solve.tool_surface import touch
 from explicitfe.platform.compiled.jit import Dispatcher, bind
@@ -34,16 +34,9 @@ MOST_TURNS, MOST_CUTS, SMALLEST_SHARE = 25, 5, 1.0 / 128.0
 # No step is longer than this share of the height.
 LONGEST_STEP_SHARE = 0.2
 # What the springs give way by is not found where the force is below this share of the largest one.
-WEIGHED_SHARE, LEAST_WEIGHED_SHARE, LEAST_GIVING, MOST_GIVING, GIVING_TOLERANCE = 0.03, 0.01, 0.5, 4.0, 1e-5
-GIVING, AGE, COORDINATE, LAST_COORDINATE, LARGEST, WEIGHED, YIELDED = (
-    0,
-    1,
-    2,
-    3,
-    4,
-    5,
-    6,
-)  # entries of the state beside the unknowns
+WEIGHED_SHARE, LEAST_WEIGHED_SHARE, LEAST_GIVING, MOST_GIVING, GIVING_TOLERANCE = 0.05, 0.01, 0.5, 4.0, 1e-5
+# Entries of the state beside the unknowns.
+GIVING, AGE, COORDINATE, LARGEST, WEIGHED, YIELDED, STATE = range(7)
 
 
 class Reduced(NamedTuple):
@@ -284,7 +277,7 @@ def converge(x, state, anchors, way, goal, reduced, points, blocks, work):
             step = -np.dot(work.inverse, work.rows)
             size = max(np.sqrt(np.sum(step[:n] ** 2)) / length, abs(step[-1]))
         factor = min(1.0, 4.0 * factor, LONGEST_STEP_SHARE * height / size)
-        before, rows = x.copy(), work.rows.copy()
+        before = x.copy()
         accepted = False
         for _cut in range(MOST_CUTS if fresh else 1):
             x[:] = before + factor * step
@@ -324,49 +317,49 @@ def converge(x, state, anchors, way, goal, reduced, points, blocks, work):
     return False, force, compression
 
 
-def follow(imposed, numbers, way, x, last, state, anchors, reduced, points, blocks, work, answers, states):
+def follow(imposed, numbers, ahead, way, history, state, anchors, reduced, points, blocks, work, answers, states):
     """Find the equilibria at all instants; give the number of instants done.
 
     Parameters
     ----------
     imposed : (i,) goals, see :func:`residual`.
     numbers : (i, j) numbers of the effects for the increment that ends at each instant.
-    x, last : (N,) unknowns at the present and the last instant.
+    ahead : (i, 3) weights of the last three states, the latest first, in what each search begins with.
+    history : (3, N) the last three states, the latest first.
     answers, states : (i, 2) force [N] and depth without what the springs give way by [m]; (i, N) unknowns.
     """
-    begin, yielded = x.copy(), state[YIELDED]
+    x = history[0].copy()
+    yielded = np.full(3, state[YIELDED])
     for instant in range(len(imposed)):
         for block in range(len(blocks.effects)):
             for k in range(numbers.shape[1]):
                 for lane in range(blocks.effects.shape[2]):
                     blocks.effects[block, k, lane] = numbers[instant, k]
-        goal, old = imposed[instant], state[COORDINATE]
-        pace, ahead = old - state[LAST_COORDINATE], goal - old
-        begin[:], before = x, state[YIELDED]
-        leads = pace * ahead > 0.0 and abs(ahead) <= 2.0 * abs(pace)
-        if leads:
-            x[:] = begin + ahead / pace * (begin - last)
-            state[YIELDED] += ahead / pace * (state[YIELDED] - yielded)
+        goal, old, weights = imposed[instant], state[COORDINATE], ahead[instant]
+        leads = weights[1] != 0.0
+        x[:] = np.dot(weights, history)
+        state[YIELDED] = np.dot(weights, yielded)
         done, share = 0.0, 1.0
         force, compression = 0.0, 0.0
         while done < 1.0:
-            start = begin if done == 0.0 else x.copy()
-            now = goal if done + share >= 1.0 else old + (done + share) * ahead
+            start = history[0] if done == 0.0 else x.copy()
+            now = goal if done + share >= 1.0 else old + (done + share) * (goal - old)
             fine, force, compression = converge_at(x, state, anchors, way, now, reduced, points, blocks, work)
             if fine:
                 done += share
                 share = min(1.5 * share, 1.0 - done)
                 continue
             x[:] = start
-            state[AGE], state[YIELDED] = -1.0, before
+            state[AGE], state[YIELDED] = -1.0, yielded[0]
             if leads:
                 leads = False
             elif share <= SMALLEST_SHARE:
                 return instant
             else:
                 share *= 0.5
-        last[:], yielded = begin, before
-        state[LAST_COORDINATE], state[COORDINATE] = old, goal
+        history[2], history[1], history[0] = history[1], history[0], x
+        yielded[2], yielded[1], yielded[0] = yielded[1], yielded[0], state[YIELDED]
+        state[COORDINATE] = goal
         state[AGE] += 1.0
         answers[instant, 0], answers[instant, 1] = force, x[-1] - state[GIVING] * compression
         states[instant] = x

@@ -9,7 +9,6 @@ import scipy.sparse as sparse
 from scipy.sparse.linalg import splu
 
 from explicitfe.fem.reduced.snapshots import Snapshots
-from explicitfe.fem.solve.quad9 import QUAD_POINTS
 from explicitfe.fem.solve.section import RevolvedSection
 
 # Entries of a displacement gradient by r, z of a node: the row, which slope of the shape function, and which displacement.

@@ -17,7 +17,7 @@ from explicitfe.fem.forces import response
 from explicitfe.fem.inputs.specimen import SpecimenTable, ToolTable
 from explicitfe.fem.materials.yeoh import Yeoh
 from explicitfe.fem.reduced.cubature import Cubature, cubature_of
-from explicitfe.fem.reduced.kernel import AGE, COORDINATE, LAST_COORDINATE, Reduced, follower, work_arrays
+from explicitfe.fem.reduced.kernel import AGE, COORDINATE, GIVING, LARGEST, STATE, Reduced, follower, work_arrays
 from explicitfe.fem.reduced.modes import Modes, modes_of
 from explicitfe.fem.reduced.snapshots import Programme, snapshots_of
 from explicitfe.fem.solve.point import blocks_at_rest, numbers_along
@@ -28,10 +28,10 @@ from explicitfe.platform.compiled.simd import WIDTH
 from explicitfe.platform.errors import InputError, RunError
 
 # Modes of displacements and pressures, Gauss points at most, and the error of the cubature.
-MODES, PRESSURES, MOST_POINTS, CUBATURE_TOLERANCE = 16, 12, 400, 1e-4
+MODES, PRESSURES, MOST_POINTS, CUBATURE_TOLERANCE = 16, 12, 400, 3e-4
 # Poisson's ratio of the law at the points, whose pressure is left out: it would be a small difference of large numbers.
 POINT_POISSON_RATIO = 0.3
-TOUCHING_SHARE = 1e-6
+TOUCHING_SHARE, LONGEST_EXTRAPOLATION = 1e-6, 2.0
 
 
 class Followed(NamedTuple):
@@ -40,11 +40,13 @@ class Followed(NamedTuple):
     Attributes
     ----------
     force_N, displacement_m : (n,) of the tool and of the machine since first touch.
+    yielded_m : (n,) part of the tool's depth that the springs of the contact give way by.
     unknowns : (n, N), see reduced/kernel.py.
     """
 
     force_N: np.ndarray
     displacement_m: np.ndarray
+    yielded_m: np.ndarray
     unknowns: np.ndarray
 
 
@@ -79,7 +81,7 @@ class ReducedSection:
     ) -> None:
         for programme in programmes:
             _refuse(tool, programme.effects)
-        self.specimen, self.tool = specimen, tool
+        self.specimen, self.tool, self.fineness = specimen, tool, fineness
         snapshots = snapshots_of(specimen, tool, programmes, fineness)
         self.section: RevolvedSection = snapshots.section
         self.modes: Modes = modes_of(snapshots, modes, pressures)
@@ -141,8 +143,10 @@ class _Run:
         self.blocks.constants[:] = lanes.reshape(-1, WIDTH, own.shape[1]).transpose(0, 2, 1)
         self.work, self.points = work_arrays(self.reduced), work_for(len(at), len(self.blocks.nodes))
         self.kernel = follower(law.law, response.layout_of(tissue.materials))
-        self.x, self.last = np.zeros(len(self.work.rows)), np.zeros(len(self.work.rows))
-        self.state = np.array([1.0, -1.0, 0.0, 0.0, law.shear_modulus_Pa * section.height**2, 0.0, 0.0])
+        self.history = np.zeros((3, len(self.work.rows)))
+        self.x = self.history[0]
+        self.state = np.zeros(STATE)
+        self.state[GIVING], self.state[LARGEST] = 1.0, law.shear_modulus_Pa * section.height**2
 
     def over(self, time_s: np.ndarray, imposed: np.ndarray, by_force: bool) -> Followed:
         tissue, touch = self.tissue, 0.0
@@ -162,19 +166,19 @@ class _Run:
         else:
             answers, unknowns = self._advance(time_s, imposed + touch, (1.0, rig))
         force, depth = answers.T
-        return Followed(np.asarray(imposed, dtype=float) if by_force else force, depth + rig * force - touch, unknowns)
+        return Followed(np.asarray(imposed, dtype=float) if by_force else force, depth + rig * force - touch, unknowns[:, -1] - depth, unknowns)
 
     def _advance(self, time_s: np.ndarray, goals: np.ndarray, way: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
         answers, states = np.zeros((len(goals), 2)), np.zeros((len(goals), len(self.x)))
         self.state[AGE] = -1.0
-        self.state[COORDINATE] = self.state[LAST_COORDINATE] = 0.0 if way[0] == 0.0 else self.x[-1]
+        self.state[COORDINATE] = 0.0 if way[0] == 0.0 else self.x[-1]
         numbers = numbers_along(self.tissue.materials, time_s)
         done = self.kernel(
             np.ascontiguousarray(goals, dtype=float),
             numbers,
+            _ahead(time_s, goals),
             np.array(way),
-            self.x,
-            self.last,
+            self.history,
             self.state,
             self.tissue.anchors,
             self.reduced,
@@ -196,6 +200,24 @@ class _Run:
         out = np.zeros(len(moved)) if platen else np.maximum(moved[:, 0] - flat, 0.0)
         rise = edge - np.sqrt(np.maximum(edge**2 - out**2, 0.0))
         return float(np.min((height + rise - moved[:, 1])[out <= edge]))
+
+
+def _ahead(time_s: np.ndarray, goals: np.ndarray) -> np.ndarray:
+    """Weights (n, 3) of the last three states in the start of each search: a parabola along a ramp or a hold, where they lead on."""
+    weights = np.zeros((len(goals), 3))
+    weights[:, 0] = 1.0
+    ways, waits = np.diff(goals), np.diff(time_s)
+    with np.errstate(all="ignore"):
+        ratio = np.where(ways[1:] == 0.0, np.where(ways[:-1] == 0.0, waits[1:] / waits[:-1], 0.0), ways[1:] / ways[:-1])
+    ratio = np.where(np.isfinite(ratio) & (ratio > 0.0) & (ratio <= LONGEST_EXTRAPOLATION), ratio, 0.0)
+    for row, r in enumerate(ratio, start=2):
+        q = ratio[row - 3] if row > 2 else 0.0
+        if r > 0.0 and q > 0.0:
+            back = -1.0 - 1.0 / q
+            weights[row] = (r + 1.0) * (r - back) / -back, r * (r - back) / (1.0 + back), r * (r + 1.0) / (back * (back + 1.0))
+        elif r > 0.0:
+            weights[row, :2] = 1.0 + r, -r
+    return weights
 
 
 def _refuse(tool: ToolTable, effects: Sequence[Effect]) -> None:

@@ -76,7 +76,7 @@ def cofactors(gradient: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def sparse_shares(matrix: np.ndarray, goal: np.ndarray, most: int, tolerance: float) -> tuple[np.ndarray, float]:
-    """Few shares (p,), none negative, with matrix @ shares near a goal (Lawson & Hanson 1974, ended early); and the error left."""
+    """Few shares (p,), none negative, with matrix @ shares near a goal (Lawson & Hanson 1974, ended early), and the error."""
     shares = np.zeros(matrix.shape[1])
     active = np.zeros(len(shares), dtype=bool)
     scale = np.linalg.norm(goal)

@@ -1,4 +1,4 @@
-"""A section of revolution under a tool in few unknowns, made from some runs of the full one; its error is estimated by the full one.
+"""A section of revolution under a tool in few unknowns, made from some runs of the full one.
 
 The full section has thousands of unknowns. Runs of it span a space of few modes (proper orthogonal decomposition), in which the
 equations of the full section are solved (Galerkin projection). Internal forces come from few Gauss points with weights of their
@@ -133,7 +133,6 @@ class _Run:
             springs=np.zeros((count, count)) + springs,
             dead=tissue.dead @ modes.displacements,
             tool=tissue.profile,
-            unit=law.shear_modulus_Pa,
         )
         light = law.model_copy(update={"poisson": POINT_POISSON_RATIO})
         self.blocks = blocks_at_rest(light, tissue.materials, len(at))
@@ -166,7 +165,12 @@ class _Run:
         else:
             answers, unknowns = self._advance(time_s, imposed + touch, (1.0, rig))
         force, depth = answers.T
-        return Followed(np.asarray(imposed, dtype=float) if by_force else force, depth + rig * force - touch, unknowns[:, -1] - depth, unknowns)
+        return Followed(
+            np.asarray(imposed, dtype=float) if by_force else force,
+            depth + rig * force - touch,
+            unknowns[:, -1] - depth,
+            unknowns,
+        )
 
     def _advance(self, time_s: np.ndarray, goals: np.ndarray, way: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
         answers, states = np.zeros((len(goals), 2)), np.zeros((len(goals), len(self.x)))
@@ -203,7 +207,7 @@ class _Run:
 
 
 def _ahead(time_s: np.ndarray, goals: np.ndarray) -> np.ndarray:
-    """Weights (n, 3) of the last three states in the start of each search: a parabola along a ramp or a hold, where they lead on."""
+    """Weights (n, 3) of the last three states in the start of a search: a parabola along a ramp or a hold, where they lead on."""
     weights = np.zeros((len(goals), 3))
     weights[:, 0] = 1.0
     ways, waits = np.diff(goals), np.diff(time_s)

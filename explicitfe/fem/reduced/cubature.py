@@ -15,10 +15,10 @@ from explicitfe.fem.reduced.snapshots import Snapshots
 
 # States that the weights are fitted to; rows of the fit below this share of the largest singular value are left out.
 FITTED_STATES, SMALLEST_SHARE = 40, 1e-7
-# A change of volume counts as the force of a pressure, over the metric's stiffness against it.
-VOLUME_WEIGHT = 10.0
-DUAL_WEIGHT = 100.0
-CANDIDATES_AT_ONCE = 4
+# Weights of changes of volume, of what an error does to the force on the tool, and of the whole volume, relative to forces on
+# the modes.
+VOLUME_WEIGHT, DUAL_WEIGHT, VOLUME_SHARE = 10.0, 100.0, 1e-2
+CANDIDATES_AT_ONCE, TINY = 4, 1e-14
 
 
 class Cubature(NamedTuple):
@@ -40,8 +40,9 @@ def cubature_of(snapshots: Snapshots, modes: Modes, most: int, tolerance: float)
     weights = snapshots.section.quads.weights.ravel()
     states = snapshots.displacements
     amounts = np.linalg.lstsq(modes.displacements, states.T, rcond=None)[0].T
-    shape = modes.pressures.reshape(-1, modes.pressures.shape[2])
-    heads = np.linalg.lstsq(shape, snapshots.pressures.reshape(len(states), -1).T, rcond=None)[0].T
+    heads = np.linalg.lstsq(
+        modes.pressures.reshape(-1, modes.pressures.shape[2]), snapshots.pressures.reshape(len(states), -1).T, rcond=None
+    )[0].T
     rows = []
     for state in np.unique(np.linspace(1, len(states) - 2, FITTED_STATES).astype(int)):
         pressure = modes.at_points @ heads[state]
@@ -57,10 +58,9 @@ def cubature_of(snapshots: Snapshots, modes: Modes, most: int, tolerance: float)
             along, rise = amounts[other] - amounts[state], heads[other] - heads[state]
             size = np.linalg.norm(along) / DUAL_WEIGHT
             rows.append(((along @ (forces[0] + forces[1]) + rise @ growth) / size)[None, :])
-    rows.append(weights[None, :] / np.sqrt(weights.sum()) * 1e-2)
+    rows.append(VOLUME_SHARE * weights[None, :] / np.sqrt(weights.sum()))
     matrix = np.concatenate(rows)
-    gram = matrix @ matrix.T
-    values, vectors = np.linalg.eigh(gram)
+    values, vectors = np.linalg.eigh(matrix @ matrix.T)
     kept = values > SMALLEST_SHARE**2 * values[-1]
     matrix = vectors[:, kept].T @ matrix
     shares, error = sparse_shares(matrix, matrix.sum(axis=1), most, tolerance)
@@ -78,27 +78,30 @@ def cofactors(gradient: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def sparse_shares(matrix: np.ndarray, goal: np.ndarray, most: int, tolerance: float) -> tuple[np.ndarray, float]:
     """Few shares (p,), none negative, with matrix @ shares near a goal (Lawson & Hanson 1974, ended early), and the error."""
     shares = np.zeros(matrix.shape[1])
-    active = np.zeros(len(shares), dtype=bool)
-    scale = np.linalg.norm(goal)
-    norms = np.linalg.norm(matrix, axis=0)
-    left = goal.copy()
-    while np.linalg.norm(left) > tolerance * scale and active.sum() < most:
+    norms, scale = np.linalg.norm(matrix, axis=0), np.linalg.norm(goal)
+    left, added, last = goal, CANDIDATES_AT_ONCE, np.inf
+    while (error := float(np.linalg.norm(left) / scale)) > tolerance and np.count_nonzero(shares) < most:
+        if error >= last:  # several columns at once may have driven each other out
+            if added == 1:
+                break
+            added = 1
+        last = error
+        active = shares > 0.0
         gain = np.where(active, -np.inf, (left @ matrix) / norms)
-        best = np.argsort(-gain)[:CANDIDATES_AT_ONCE]
+        best = np.argsort(-gain)[:added]
         active[best[gain[best] > 0.0]] = True
-        if gain[best[0]] <= 0.0:
-            break
         while True:
             at = np.flatnonzero(active)
             found = np.linalg.lstsq(matrix[:, at], goal, rcond=None)[0]
-            if (found > 0.0).all():
+            wrong = found <= 0.0
+            if not wrong.any():
                 break
             before = shares[at]
-            wrong = found <= 0.0
-            step = np.min(before[wrong] / np.maximum(before[wrong] - found[wrong], 1e-300))
+            step = np.min(before[wrong] / np.maximum(before[wrong] - found[wrong], TINY))
             shares[at] = before + step * (found - before)
-            dropped = at[wrong & (shares[at] <= 1e-14)]
-            shares[dropped], active[dropped] = 0.0, False
+            out = at[wrong & (shares[at] <= TINY)]
+            shares[out], active[out] = 0.0, False
+        shares[:] = 0.0
         shares[at] = found
         left = goal - matrix[:, at] @ found
-    return shares, float(np.linalg.norm(left) / scale)
+    return shares, error

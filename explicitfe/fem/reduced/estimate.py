@@ -21,7 +21,7 @@ from explicitfe.fem.solve.tool_surface import add_forces
 # Instants with less than this share of the largest force do not count.
 LEAST_FORCE_SHARE = 0.02
 # Instants at which the memory of the full section is advanced; the stated error over the largest estimate.
-MOST_VISITS, SAFETY_FACTOR = 60, 1.5
+MOST_VISITS, SAFETY_FACTOR = 400, 1.5
 
 
 class Estimate(NamedTuple):

@@ -93,7 +93,7 @@ def work_arrays(reduced: Reduced) -> ReducedWork:
     """Work arrays for a section."""
     (p, k), (s, n), points = reduced.pressures.shape, reduced.lifted.shape, len(reduced.surface.areas)
     N = n + k + 1
-    return ReducedWork(*map(np.zeros, [(p, 3), p, s, s, (points, 7), (points, 7, 7), (points, 2), N, (N, N), N]))  # type: ignore[list-item]
+    return ReducedWork(*map(np.zeros, [(p, 3), p, s, s, (points, 7), (points, 7, 7), (points, 2), N, (N, N), N]))
 
 
 @leaf
@@ -210,7 +210,7 @@ def newton_step(reduced, work):
 
 
 def giving(way, force, compression, reduced, work):
-    """What the springs give way by over the simplest estimate; it is inverse to their stiffness at the same force (Richardson)."""
+    """What the springs give way by over the simplest estimate; it is inverse to their stiffness (Richardson)."""
     push = np.zeros_like(work.rows)
     push[: reduced.gradients.shape[1]] = np.dot(work.pushed, reduced.lifted)
     push[-1] = way[1] * force

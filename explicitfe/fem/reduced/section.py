@@ -111,6 +111,8 @@ class ReducedSection:
         """
         _refuse(self.tool, effects)
         tissue = tissue_in_section(self.section, self.specimen.layer_mm, self.specimen, self.tool, law, effects)
+        if tissue.section is not self.section:
+            raise InputError("a reduced section has one mesh, and another layer needs another; make a reduced section for it.")
         return _Run(self, tissue, incompressible(law)).over(np.asarray(time_s, dtype=float), imposed, by_force)
 
 

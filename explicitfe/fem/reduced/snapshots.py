@@ -76,4 +76,4 @@ def snapshots_of(specimen: SpecimenTable, tool: ToolTable, programmes: Sequence[
             stresses.append(body.newton.work.answers[UNSHIFTED, :, :5] / unit)
             of_nodes = body.newton.contact_stiffness[:, :6, :6].reshape(-1, 3, 2, 3, 2)
             contacts.append(np.einsum("kaibj->kij", of_nodes) / (unit * shape.sum(axis=1) ** 2)[:, None, None])
-    return Snapshots(body.section, *(np.array(values) for values in (states, pressures, stresses)), np.mean(contacts, axis=0))
+    return Snapshots(body.section, np.array(states), np.array(pressures), np.array(stresses), np.mean(contacts, axis=0))

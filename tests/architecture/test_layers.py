@@ -22,7 +22,15 @@ PACKAGE = ROOT / "explicitfe"
 # siblings and do not import each other.
 WINGS = {
     "platform": [{"errors"}, {"compiled", "host"}],
-    "fem": [{"mesh", "materials"}, {"elements", "bones", "effects"}, {"inputs", "forces"}, {"tangent"}, {"model"}, {"solve"}],
+    "fem": [
+        {"mesh", "materials"},
+        {"elements", "bones", "effects"},
+        {"inputs", "forces"},
+        {"tangent"},
+        {"model"},
+        {"solve"},
+        {"reduced"},
+    ],
     "results": [{"acoustics", "documents"}, {"files"}, {"measure"}],
     "simulate": [{"scenario", "meshes"}, {"anatomy"}, {"run"}, {"sweep"}],
     "inverse": [{"measured"}, {"predict"}, {"identify"}, {"close_loop"}],

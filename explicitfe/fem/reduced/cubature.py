@@ -14,11 +14,11 @@ from explicitfe.fem.reduced.modes import Modes
 from explicitfe.fem.reduced.snapshots import Snapshots
 
 # States that the weights are fitted to; rows of the fit below this share of the largest singular value are left out.
-FITTED_STATES, SMALLEST_SHARE = 40, 1e-7
+FITTED_STATES, SMALLEST_SINGULAR_SHARE = 40, 1e-7
 # Weights of changes of volume, of what an error does to the force on the tool, and of the whole volume, relative to forces on
 # the modes.
 VOLUME_WEIGHT, DUAL_WEIGHT, VOLUME_SHARE = 10.0, 100.0, 1e-2
-CANDIDATES_AT_ONCE, TINY = 4, 1e-14
+CANDIDATES_AT_ONCE, SMALLEST_WEIGHT = 4, 1e-14
 
 
 class Cubature(NamedTuple):
@@ -61,7 +61,7 @@ def cubature_of(snapshots: Snapshots, modes: Modes, most: int, tolerance: float)
     rows.append(VOLUME_SHARE * weights[None, :] / np.sqrt(weights.sum()))
     matrix = np.concatenate(rows)
     values, vectors = np.linalg.eigh(matrix @ matrix.T)
-    kept = values > SMALLEST_SHARE**2 * values[-1]
+    kept = values > SMALLEST_SINGULAR_SHARE**2 * values[-1]
     matrix = vectors[:, kept].T @ matrix
     shares, error = sparse_shares(matrix, matrix.sum(axis=1), most, tolerance)
     points = np.flatnonzero(shares)
@@ -92,16 +92,16 @@ def sparse_shares(matrix: np.ndarray, goal: np.ndarray, most: int, tolerance: fl
         active[best[gain[best] > 0.0]] = True
         while True:
             at = np.flatnonzero(active)
-            found = np.linalg.lstsq(matrix[:, at], goal, rcond=None)[0]
-            wrong = found <= 0.0
+            fitted = np.linalg.lstsq(matrix[:, at], goal, rcond=None)[0]
+            wrong = fitted <= 0.0
             if not wrong.any():
                 break
             before = shares[at]
-            step = np.min(before[wrong] / np.maximum(before[wrong] - found[wrong], TINY))
-            shares[at] = before + step * (found - before)
-            out = at[wrong & (shares[at] <= TINY)]
+            step = np.min(before[wrong] / np.maximum(before[wrong] - fitted[wrong], SMALLEST_WEIGHT))
+            shares[at] = before + step * (fitted - before)
+            out = at[wrong & (shares[at] <= SMALLEST_WEIGHT)]
             shares[out], active[out] = 0.0, False
         shares[:] = 0.0
-        shares[at] = found
-        left = goal - matrix[:, at] @ found
+        shares[at] = fitted
+        left = goal - matrix[:, at] @ fitted
     return shares, error

@@ -20,11 +20,12 @@ from explicitfe.fem.solve.tool_surface import add_forces
 
 # Instants with less than this share of the largest force do not count.
 LEAST_FORCE_SHARE = 0.02
-# Instants at which the memory of the full section is advanced; the stated error over the largest estimate.
-MOST_VISITS, SAFETY_FACTOR = 400, 1.5
+# Instants at which the memory of the full section is advanced. The stated error is so many times the largest estimate, and this
+# share of the height, which the full section itself errs by at a refinement of 1.
+MOST_VISITS, SAFETY_FACTOR, LEAST_STATED_SHARE = 400, 1.5, 5e-5
 
 
-class Estimate(NamedTuple):
+class ErrorEstimate(NamedTuple):
     """The error of a reduced section.
 
     Attributes
@@ -41,7 +42,7 @@ class Estimate(NamedTuple):
 
 def estimate(
     body: ReducedSection, law: Yeoh, effects: Sequence[Effect], time_s: np.ndarray, followed: Followed, count: int = 8
-) -> Estimate:
+) -> ErrorEstimate:
     """Estimate the error of a programme at some instants, spread evenly over those at which the tool presses."""
     full = Revolution(body.specimen, body.tool, law, effects, body.fineness)
     main, newton, surface = full.main, full.newton, full.section.surface
@@ -72,4 +73,5 @@ def estimate(
         moved = np.einsum("ka,kai->ki", surface.shape, main.u.reshape(-1, 2)[surface.nodes])
         main.anchors[:, :2] = surface.places + moved
         main.anchors[:, 2], main.anchors[:, 3] = main.depth, newton.tractions[:, 0]
-    return Estimate(instants, np.array(errors), SAFETY_FACTOR * float(np.abs(errors).max()))
+    stated = SAFETY_FACTOR * float(np.abs(errors).max()) + LEAST_STATED_SHARE * full.section.height
+    return ErrorEstimate(instants, np.array(errors), stated)

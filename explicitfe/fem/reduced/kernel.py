@@ -14,7 +14,9 @@ import numpy as np
 from explicitfe.fem.forces import response
 from explicitfe.fem.materials import law_of
 from explicitfe.fem.solve.quad9 import SCALE, UNSHIFTED, answers_of
+from explicitfe.fem.solve.revolution import GIVING_TOLERANCE, LEAST_GIVING, LEAST_WEIGHED_SHARE, MOST_GIVING
 from explicitfe.fem.solve.section import Edges
+from explicitfe.fem.solve.section_newton import DIFFERENCE_STEP, LEAST_WAY_SHARE, MOST_CUTS
 from explicitfe.fem.solve.tool_surface import touch
 from explicitfe.platform.compiled.jit import Dispatcher, bind, leaf
 
@@ -26,17 +28,15 @@ derivatives_at: Any = None
 step_at: Any = None
 giving_at: Any = None
 converge_at: Any = None
-DIFFERENCE_STEP = 1e-6
-# Convergence tolerance of a step relative to the tool's way, which counts as at least this share of the height.
-TOLERANCE_SHARE, LEAST_WAY_SHARE = 1e-5, 1e-2
+# Convergence tolerance of a step relative to the tool's way.
+REDUCED_TOLERANCE_SHARE = 1e-5
 # Derivatives are taken again where a step is not smaller than the last by this ratio, and after so many instants.
 SLOW_RATIO, MOST_INSTANTS = 0.5, 25
-MOST_TURNS, MOST_CUTS, SMALLEST_SHARE = 25, 5, 1.0 / 128.0
+MOST_REDUCED_TURNS, SMALLEST_LOAD_SHARE = 25, 1.0 / 128.0
 # No step is longer than this share of the height.
-LONGEST_STEP_SHARE = 0.2
-# What the springs of the contact give way by is found again where the depth has changed by this share, unless the force is below
-# this share of the largest one; its ratio to the simplest estimate has bounds.
-WEIGHED_SHARE, LEAST_WEIGHED_SHARE, LEAST_GIVING, MOST_GIVING, GIVING_TOLERANCE = 0.05, 0.01, 0.5, 4.0, 1e-5
+LONGEST_REDUCED_STEP_SHARE = 0.2
+# What the springs of the contact give way by is found again where the depth has changed by this share.
+WEIGHED_SHARE = 0.05
 # State beside the unknowns: that ratio, the age of the derivatives in instants (below 0: there are none), the last goal, the
 # largest force, the depth at which the ratio was found, and what the springs give way by [m].
 GIVING, AGE, COORDINATE, LARGEST, WEIGHED, YIELDED, STATE = range(7)
@@ -102,12 +102,12 @@ def cofactor_of(F):
     return F[4] * F[3], -F[4] * F[2], -F[4] * F[1], F[4] * F[0], F[0] * F[3] - F[1] * F[2]
 
 
-def residual(x, anchors, way, yielded, goal, reduced, points, blocks, work):
+def residual(x, anchors, control, yielded, goal, reduced, points, blocks, work):
     """Unbalanced forces [N], changes of volume times the shear modulus, and distance to the goal into ``work.rows``.
 
     Parameters
     ----------
-    way : (2,) weights of depth and force in what reaches the goal.
+    control : (2,) weights of depth and force in what reaches the goal.
     yielded : what the springs of the contact give way by, as it was estimated before [m].
     points : work arrays of the Gauss points, see solve/quad9.py.
 
@@ -146,11 +146,11 @@ def residual(x, anchors, way, yielded, goal, reduced, points, blocks, work):
     rows[:n] = np.dot(work.pushed, reduced.lifted) + np.dot(flat, reduced.gradients)
     rows[:n] += np.dot(reduced.springs, x[:n]) - reduced.dead
     rows[n:-1] = np.dot(grown, reduced.pressures)
-    rows[-1] = way[0] * (x[-1] - yielded) + way[1] * force - goal
+    rows[-1] = control[0] * (x[-1] - yielded) + control[1] * force - goal
     return np.isfinite(np.sum(rows)), force, square / (reduced.tool[4] * force) if force > 0.0 else 0.0
 
 
-def derivatives(way, reduced, points, blocks, work):
+def derivatives(control, reduced, points, blocks, work):
     """The inverse of the derivatives of the state evaluated last into ``work.inverse``; False where there is none."""
     n, N = reduced.gradients.shape[1], len(work.rows)
     for column in range(SCALE + 1):
@@ -194,8 +194,8 @@ def derivatives(way, reduced, points, blocks, work):
     coupling = np.dot(reduced.pressures.T, volume)
     matrix[n:-1, :n], matrix[:n, n:-1] = coupling, coupling.T
     matrix[:n, -1] = np.dot(by_depth, reduced.lifted)
-    matrix[-1] = way[1] * work.by_force
-    matrix[-1, -1] += way[0]
+    matrix[-1] = control[1] * work.by_force
+    matrix[-1, -1] += control[0]
     if not np.isfinite(np.sum(matrix)):
         return False
     work.inverse[:] = np.linalg.inv(matrix)
@@ -209,17 +209,17 @@ def newton_step(reduced, work):
     return step, max(energy, abs(step[-1]))
 
 
-def giving(way, force, compression, reduced, work):
+def giving(control, force, compression, reduced, work):
     """What the springs give way by over the simplest estimate; it is inverse to their stiffness (Richardson)."""
     push = np.zeros_like(work.rows)
     push[: reduced.gradients.shape[1]] = np.dot(work.pushed, reduced.lifted)
-    push[-1] = way[1] * force
+    push[-1] = control[1] * force
     answer, along = -np.dot(work.inverse, push), work.inverse[:, -1].copy()
     share = -(force + np.dot(work.by_force, answer)) / np.dot(work.by_force, along)
     return min(max(-(share * along[-1] + answer[-1]) / compression, LEAST_GIVING), MOST_GIVING)
 
 
-def converge(x, state, anchors, way, goal, reduced, points, blocks, work):
+def converge(x, state, anchors, control, goal, reduced, points, blocks, work):
     """Newton's method with derivatives that are corrected by each step (Broyden 1965); gives whether it converges, and the force.
 
     Parameters
@@ -227,33 +227,33 @@ def converge(x, state, anchors, way, goal, reduced, points, blocks, work):
     x, state : (N,) unknowns, and (STATE,) what is known beside them; both are advanced.
     """
     height, factor, fresh, known = reduced.tool[0], 1.0, False, state[AGE] >= 0.0
-    sound, force, compression = residual_at(x, anchors, way, state[YIELDED], goal, reduced, points, blocks, work)
-    for _turn in range(MOST_TURNS):
+    sound, force, compression = residual_at(x, anchors, control, state[YIELDED], goal, reduced, points, blocks, work)
+    for _turn in range(MOST_REDUCED_TURNS):
         if not known:
-            if not sound or not derivatives_at(way, reduced, points, blocks, work):
+            if not sound or not derivatives_at(control, reduced, points, blocks, work):
                 return False, force, compression
             state[AGE], fresh, known = 0.0, True, True
         step, size = step_at(reduced, work)
         least = max(abs(x[-1]), LEAST_WAY_SHARE * height)
-        if size <= TOLERANCE_SHARE * least:
+        if size <= REDUCED_TOLERANCE_SHARE * least:
             far = abs(x[-1] - state[WEIGHED]) >= WEIGHED_SHARE * least or state[AGE] >= MOST_INSTANTS
             if far and force > LEAST_WEIGHED_SHARE * state[LARGEST] and compression > 0.0:
                 state[LARGEST], state[WEIGHED] = max(state[LARGEST], force), x[-1]
-                if not derivatives_at(way, reduced, points, blocks, work):
+                if not derivatives_at(control, reduced, points, blocks, work):
                     return False, force, compression
                 state[AGE], fresh = 0.0, True
-                state[GIVING] = giving_at(way, force, compression, reduced, work)
+                state[GIVING] = giving_at(control, force, compression, reduced, work)
             change = state[GIVING] * compression - state[YIELDED]
             state[YIELDED] += change
-            if way[0] == 0.0 or abs(change) <= GIVING_TOLERANCE * least:
+            if control[0] == 0.0 or abs(change) <= GIVING_TOLERANCE * least:
                 return True, force, compression
-            work.rows[-1] -= way[0] * change
+            work.rows[-1] -= control[0] * change
             step, size = step_at(reduced, work)
-        factor = min(1.0, 4.0 * factor, LONGEST_STEP_SHARE * height / size)
+        factor = min(1.0, 4.0 * factor, LONGEST_REDUCED_STEP_SHARE * height / size)
         before, accepted, following, next_size = x.copy(), False, step, size
         for _cut in range(MOST_CUTS if fresh else 1):
             x[:] = before + factor * step
-            sound, force, compression = residual_at(x, anchors, way, state[YIELDED], goal, reduced, points, blocks, work)
+            sound, force, compression = residual_at(x, anchors, control, state[YIELDED], goal, reduced, points, blocks, work)
             if sound:
                 following, next_size = step_at(reduced, work)
                 accepted = next_size <= (1.0 - 0.25 * factor) * size
@@ -272,13 +272,13 @@ def converge(x, state, anchors, way, goal, reduced, points, blocks, work):
             x[:] = before
             if fresh:
                 break
-            sound, force, compression = residual_at(x, anchors, way, state[YIELDED], goal, reduced, points, blocks, work)
+            sound, force, compression = residual_at(x, anchors, control, state[YIELDED], goal, reduced, points, blocks, work)
             factor = 1.0
         known = False
     return False, force, compression
 
 
-def follow(imposed, numbers, ahead, way, history, state, anchors, reduced, points, blocks, work, answers, states):
+def follow(imposed, numbers, ahead, control, history, state, anchors, reduced, points, blocks, work, answers):
     """Find the equilibria at all instants; give the number of instants done.
 
     Parameters
@@ -287,7 +287,7 @@ def follow(imposed, numbers, ahead, way, history, state, anchors, reduced, point
     numbers : (i, j) numbers of the effects for the increment that ends at each instant.
     ahead : (i, 3) weights of the last three states, the latest first, in what each search begins with.
     history : (3, N) the last three states, the latest first.
-    answers, states : (i, 2) force [N] and depth without what the springs give way by [m]; (i, N) unknowns.
+    answers : (i, N + 2) unknowns, then force [N] and depth without what the springs give way by [m].
     """
     x, yielded, surface = history[0].copy(), np.full(3, state[YIELDED]), reduced.surface
     for instant in range(len(imposed)):
@@ -299,7 +299,7 @@ def follow(imposed, numbers, ahead, way, history, state, anchors, reduced, point
         while done < 1.0:
             start = history[0] if done == 0.0 else x.copy()
             now = goal if done + share >= 1.0 else old + (done + share) * (goal - old)
-            fine, force, compression = converge_at(x, state, anchors, way, now, reduced, points, blocks, work)
+            fine, force, compression = converge_at(x, state, anchors, control, now, reduced, points, blocks, work)
             if fine:
                 done += share
                 share = min(1.5 * share, 1.0 - done)
@@ -308,7 +308,7 @@ def follow(imposed, numbers, ahead, way, history, state, anchors, reduced, point
             state[AGE], state[YIELDED] = -1.0, yielded[0]
             if leads:
                 leads = False  # begin at the last equilibrium instead
-            elif share <= SMALLEST_SHARE:
+            elif share <= SMALLEST_LOAD_SHARE:
                 return instant
             else:
                 share *= 0.5
@@ -316,8 +316,8 @@ def follow(imposed, numbers, ahead, way, history, state, anchors, reduced, point
         yielded[2], yielded[1], yielded[0] = yielded[1], yielded[0], state[YIELDED]
         state[COORDINATE] = goal
         state[AGE] += 1.0
-        answers[instant, 0], answers[instant, 1] = force, x[-1] - state[GIVING] * compression
-        states[instant] = x
+        answers[instant, :-2], answers[instant, -2] = x, force
+        answers[instant, -1] = x[-1] - state[GIVING] * compression
         for p in range(len(anchors)):
             for i in range(2):
                 anchors[p, i] = surface.places[p, i]

@@ -42,9 +42,9 @@ def modes_of(snapshots: Snapshots, count: int, pressure_count: int) -> Modes:
     quads, free = section.quads, section.free
     gradient = _gradient(section)
     metric = _energy(section, gradient) + _springs(section, snapshots.contact)
-    displacements = _decomposed(snapshots.displacements.T, metric, count)
+    displacements = _main_modes(snapshots.displacements.T, metric, count)
     mass = sparse.block_diag(list(quads.mass)).tocsr()
-    pressures = _decomposed(snapshots.pressures.reshape(len(snapshots.pressures), -1).T, mass, pressure_count)
+    pressures = _main_modes(snapshots.pressures.reshape(len(snapshots.pressures), -1).T, mass, pressure_count)
     at_points = np.einsum("qk,mkj->mqj", quads.linear, pressures.reshape(-1, 3, pressures.shape[1])).reshape(len(section.at), -1)
     divergence = gradient[0::5] + gradient[3::5] + gradient[4::5]
     loads = divergence.T @ (quads.weights.reshape(-1, 1) * at_points)
@@ -58,7 +58,7 @@ def modes_of(snapshots: Snapshots, count: int, pressure_count: int) -> Modes:
     return Modes(both, pressures.reshape(-1, 3, pressures.shape[1]), own, at_points)
 
 
-def _decomposed(columns: np.ndarray, metric: sparse.csr_matrix, count: int) -> np.ndarray:
+def _main_modes(columns: np.ndarray, metric: sparse.csr_matrix, count: int) -> np.ndarray:
     """The first modes of columns (n, s), orthonormal in a metric (method of snapshots; Sirovich 1987)."""
     energy, turned = np.linalg.eigh(columns.T @ (metric @ columns))
     energy, turned = energy[::-1][:count], turned[:, ::-1][:, :count]

@@ -22,16 +22,16 @@ from explicitfe.fem.reduced.modes import Modes, modes_of
 from explicitfe.fem.reduced.snapshots import Programme, snapshots_of
 from explicitfe.fem.solve.point import blocks_at_rest, numbers_along
 from explicitfe.fem.solve.quad9 import work_for
+from explicitfe.fem.solve.revolution import LONGEST_SECTION_EXTRAPOLATION, TOUCHING_SHARE
 from explicitfe.fem.solve.section import RevolvedSection
 from explicitfe.fem.solve.section_tissue import SectionTissue, incompressible, is_isochoric, tissue_in_section
 from explicitfe.platform.compiled.simd import WIDTH
 from explicitfe.platform.errors import InputError, RunError
 
 # Modes of displacements and pressures, Gauss points at most, and the error of the cubature.
-MODES, PRESSURES, MOST_POINTS, CUBATURE_TOLERANCE = 16, 12, 400, 3e-4
+MODE_COUNT, PRESSURE_COUNT, MOST_POINTS, CUBATURE_TOLERANCE = 16, 12, 400, 3e-4
 # Poisson's ratio of the law at the points, whose pressure is left out: it would be a small difference of large numbers.
-POINT_POISSON_RATIO = 0.3
-TOUCHING_SHARE, LONGEST_EXTRAPOLATION = 1e-6, 2.0
+LIGHT_POISSON_RATIO = 0.3
 
 
 class Followed(NamedTuple):
@@ -74,8 +74,8 @@ class ReducedSection:
         programmes: Sequence[Programme],
         fineness: float = 1.0,
         *,
-        modes: int = MODES,
-        pressures: int = PRESSURES,
+        modes: int = MODE_COUNT,
+        pressures: int = PRESSURE_COUNT,
         points: int = MOST_POINTS,
         tolerance: float = CUBATURE_TOLERANCE,
     ) -> None:
@@ -136,7 +136,7 @@ class _Run:
             dead=tissue.dead @ modes.displacements,
             tool=tissue.profile,
         )
-        light = law.model_copy(update={"poisson": POINT_POISSON_RATIO})
+        light = law.model_copy(update={"poisson": LIGHT_POISSON_RATIO})
         self.blocks = blocks_at_rest(light, tissue.materials, len(at))
         own = tissue.blocks.constants.transpose(0, 2, 1).reshape(-1, tissue.blocks.constants.shape[1])[at]
         lanes = np.resize(own, (len(self.blocks.nodes) * WIDTH, own.shape[1]))
@@ -159,14 +159,14 @@ class _Run:
             tissue.anchors[:, 2] = touch
         rig = tissue.rig.compliance_m_N
         if tissue.rig.preload_N > 0.0:
-            answers, _ = self._advance(start, np.array([tissue.rig.preload_N]), (0.0, 1.0))
-            touch = answers[0, 1] + rig * answers[0, 0]
+            answers = self._advance(start, np.array([tissue.rig.preload_N]), (0.0, 1.0))
+            touch = answers[0, -1] + rig * answers[0, -2]
         if by_force:
             least = TOUCHING_SHARE * np.maximum.accumulate(np.abs(imposed))
-            answers, unknowns = self._advance(time_s, np.maximum(imposed, least), (0.0, 1.0))
+            answers = self._advance(time_s, np.maximum(imposed, least), (0.0, 1.0))
         else:
-            answers, unknowns = self._advance(time_s, imposed + touch, (1.0, rig))
-        force, depth = answers.T
+            answers = self._advance(time_s, imposed + touch, (1.0, rig))
+        force, depth, unknowns = answers[:, -2], answers[:, -1], answers[:, :-2]
         return Followed(
             np.asarray(imposed, dtype=float) if by_force else force,
             depth + rig * force - touch,
@@ -174,16 +174,16 @@ class _Run:
             unknowns,
         )
 
-    def _advance(self, time_s: np.ndarray, goals: np.ndarray, way: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
-        answers, states = np.zeros((len(goals), 2)), np.zeros((len(goals), len(self.x)))
+    def _advance(self, time_s: np.ndarray, goals: np.ndarray, control: tuple[float, float]) -> np.ndarray:
+        answers = np.zeros((len(goals), len(self.x) + 2))
         self.state[AGE] = -1.0
-        self.state[COORDINATE] = 0.0 if way[0] == 0.0 else self.x[-1]
+        self.state[COORDINATE] = 0.0 if control[0] == 0.0 else self.x[-1]
         numbers = numbers_along(self.tissue.materials, time_s)
         done = self.kernel(
             np.ascontiguousarray(goals, dtype=float),
             numbers,
             _ahead(time_s, goals),
-            np.array(way),
+            np.array(control),
             self.history,
             self.state,
             self.tissue.anchors,
@@ -192,11 +192,10 @@ class _Run:
             self.blocks,
             self.work,
             answers,
-            states,
         )
         if done < len(goals):
             raise RunError(f"the reduced section finds no equilibrium at {time_s[done]:.4g} s.")
-        return answers, states
+        return answers
 
     def _first_touch(self) -> float:
         """Depth of the tool at which it touches the sagged surface."""
@@ -215,7 +214,7 @@ def _ahead(time_s: np.ndarray, goals: np.ndarray) -> np.ndarray:
     ways, waits = np.diff(goals), np.diff(time_s)
     with np.errstate(all="ignore"):
         ratio = np.where(ways[1:] == 0.0, np.where(ways[:-1] == 0.0, waits[1:] / waits[:-1], 0.0), ways[1:] / ways[:-1])
-    ratio = np.where(np.isfinite(ratio) & (ratio > 0.0) & (ratio <= LONGEST_EXTRAPOLATION), ratio, 0.0)
+    ratio = np.where(np.isfinite(ratio) & (ratio > 0.0) & (ratio <= LONGEST_SECTION_EXTRAPOLATION), ratio, 0.0)
     for row, r in enumerate(ratio, start=2):
         q = ratio[row - 3] if row > 2 else 0.0
         if r > 0.0 and q > 0.0:

@@ -51,7 +51,7 @@ class Snapshots(NamedTuple):
 
 
 def snapshots_of(specimen: SpecimenTable, tool: ToolTable, programmes: Sequence[Programme], fineness: float = 1.0) -> Snapshots:
-    """Follow programmes with the full section and keep all its equilibria.
+    """Follow programmes with the full section and keep its equilibria, up to the last one that it reaches.
 
     Parameters
     ----------
@@ -59,7 +59,7 @@ def snapshots_of(specimen: SpecimenTable, tool: ToolTable, programmes: Sequence[
 
     Raises
     ------
-    RunError : a state is not reached.
+    RunError : no state is reached.
     """
     states, pressures, stresses, contacts = [], [], [], []
     for programme in programmes:
@@ -68,12 +68,14 @@ def snapshots_of(specimen: SpecimenTable, tool: ToolTable, programmes: Sequence[
         body.settle()
         unit = programme.law.shear_modulus_Pa
         shape = body.section.surface.shape
-        for at_s, way in zip(programme.time_s, programme.displacement_m, strict=True):
-            if not isinstance(body.move(float(way), at_s=float(at_s)), ToolState):
-                raise RunError(f"the full section does not reach {1e3 * way:.4g} mm at {at_s:.4g} s.")
+        for at_s, depth in zip(programme.time_s, programme.displacement_m, strict=True):
+            if not isinstance(body.move(float(depth), at_s=float(at_s)), ToolState):
+                break
             states.append(body.main.u.copy())
             pressures.append(body.main.pressures / unit)
             stresses.append(body.newton.work.answers[UNSHIFTED, :, :5] / unit)
             of_nodes = body.newton.contact_stiffness[:, :6, :6].reshape(-1, 3, 2, 3, 2)
             contacts.append(np.einsum("kaibj->kij", of_nodes) / (unit * shape.sum(axis=1) ** 2)[:, None, None])
+    if not states:
+        raise RunError("the full section reaches no state of the runs that a reduced section is made from.")
     return Snapshots(body.section, np.array(states), np.array(pressures), np.array(stresses), np.mean(contacts, axis=0))

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from explicitfe.app.view import hourglass, muscles, over_time, times, tongue
+from explicitfe.app.view import hourglass, muscles, times, tongue
 from explicitfe.app.view.draw import draw
 from explicitfe.fem.mesh.hexmesh import HexMesh
 from explicitfe.fem.mesh.quality import volumes
@@ -296,11 +296,3 @@ def test_activation_of_muscles():
     assert muscles.on_times([step, ramp], 100.0) == [(10.0, 100.0)]
     assert muscles.on_times([ramp | {"force_N": 0.0}], 100.0) == []
     assert muscles.on_times([step], 20.0) == [(10.0, 20.0)]
-
-
-def test_labels_are_pushed_apart():
-    places = over_time.spread(np.array([0.1, 0.5, 0.5, 0.52, 0.99]), 0.1)
-    assert np.diff(places).min() > 0.1 - 1e-12
-    assert places[0] == pytest.approx(0.1)
-    assert places[1:4].mean() == pytest.approx(np.mean([0.5, 0.5, 0.52]))
-    assert 0.0 <= over_time.spread(np.full(5, 1.0), 0.2)[0] < over_time.spread(np.full(5, 1.0), 0.2)[-1] <= 1.0

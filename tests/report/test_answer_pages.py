@@ -104,7 +104,7 @@ def test_the_commands_write_their_pages(tmp_path: Path, capsys: pytest.CaptureFi
         (
             ["identify", str(data), "--poisson", "0.499"],
             "identify.html",
-            ["C10 500.0 Pa", "Profile likelihood of C20", "one, fitted, error"],
+            ["C10 500.0 Pa", "Profile likelihood", "C20 = 200 Pa, 95 %", "one, fitted, error"],
         ),
         (["predict", str(data), "--model", str(tmp_path / "model.toml")], "predict.html", ["by the elastic model", "< 0.01 %"]),
     ):

@@ -123,12 +123,12 @@ def test_the_film_moves_and_is_small(report_folder: Path) -> None:
     assert all(ImageChops.difference(one, other).getbbox() for one, other in pairwise(frames))
 
 
-def test_the_page_holds_both_pictures(report_folder: Path) -> None:
+def test_the_page_holds_the_film_and_the_charts(report_folder: Path) -> None:
     page = (report_folder / "report.html").read_text(encoding="utf-8")
     assert page.count("data:image/gif;base64,") == 1 and not re.search(r"https?:|<script|<link|url\(", page)
-    alternatives = re.findall(r'<img alt="([^"]+)"', page)
-    assert any(text.startswith("Animation: measured and simulated markers, before and after") for text in alternatives)
-    assert any(text.startswith("Distance of model and data of each marker") for text in alternatives)
+    assert re.findall(r'<img alt="([^"]+)"', page) == ["Animation: measured and simulated markers, before and after."]
+    charts = re.findall(r'<figure class="chart".*?<figcaption>(.*?)</figcaption>', page, flags=re.DOTALL)
+    assert charts[:4] == [f"held out: load 2, {name}" for name in MOVING] + ["spectra of tip-low along z"] and len(charts) == 12
     assert (report_folder / "markers.png").read_bytes().startswith(b"\x89PNG")
 
 
@@ -192,7 +192,7 @@ def test_any_name_is_drawn(tmp_path: Path) -> None:
     hostile = "$x_{$ \u4e2d</figure><script>\x00"
     named = [replace(one, curve=hostile, names=[hostile] * 3) for one in markers[:1]]
     page = page_of(tmp_path, report, named)
-    assert "<script" not in page and page.count("</figure>") == page.count("<figure>")
+    assert "<script" not in page and page.count("</figure>") == page.count("<figure")
 
 
 def test_one_model_has_one_panel(tmp_path: Path, report_folder: Path) -> None:

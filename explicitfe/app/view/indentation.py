@@ -6,7 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from explicitfe.app.view.palette import COLOURS, ENERGY_MAP, new_figure
+from explicitfe.app.view.chart_figure import draw_charts
+from explicitfe.app.view.page.run.charts import charts_of
+from explicitfe.app.view.palette import ENERGY_MAP, new_figure
 from explicitfe.fem.mesh.hexmesh import FACES, HexMesh
 from explicitfe.results.documents.fitted_curves import StatedTool
 from explicitfe.results.files import Result
@@ -97,26 +99,13 @@ def paint_section(
     return painted
 
 
-def curve_figure(result: Result, step: int) -> Figure:
-    """Force against displacement over the whole run."""
-    displacement, force = 1e3 * result.history("indentation"), result.history("force")
+def curve_figure(result: Result, step: int) -> Figure | None:
+    """Force against displacement over the whole run; None if it has a single equilibrium."""
+    charts = charts_of([result])[0]
+    if not charts:
+        return None
     figure = new_figure(7.0, 5.0)
-    axes = figure.add_subplot()
-    down = np.append(True, np.diff(displacement) >= 0.0)
-    turn = len(displacement) if down.all() else int(np.argmin(down))
-    axes.plot(displacement[:turn], force[:turn], "o-", color=COLOURS[0], lw=1.6, ms=5, label="loading")
-    if turn < len(displacement):
-        axes.plot(
-            displacement[turn - 1 :], force[turn - 1 :], "s--", color=COLOURS[1], lw=1.4, ms=4.5, mfc="none", label="unloading"
-        )
-        axes.legend(frameon=False, loc="upper left")
-    axes.set_xlabel("displacement of the tool after first contact (mm)")
-    axes.set_ylabel("force of the whole tool (N)")
-    axes.set_xlim(left=0.0)
-    axes.set_ylim(bottom=0.0)
-    axes.grid(color="0.9")
-    for side in ("top", "right"):
-        axes.spines[side].set_visible(False)
+    draw_charts(figure, charts)
     figure.suptitle(_title(result), fontsize=11, x=0.02, ha="left")
     return figure
 

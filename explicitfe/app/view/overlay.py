@@ -4,15 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from explicitfe.app.view.bones import SMALLEST_BONE_MOTION_M, bone_loops, fill_bones, keep_to_tongue
+from explicitfe.app.view.chart_figure import draw_charts
 from explicitfe.app.view.files import new_files, writing
 from explicitfe.app.view.heading import common_stem, heading_of_several, labels_of
 from explicitfe.app.view.outline import outline_mm
+from explicitfe.app.view.page.chart import chart
+from explicitfe.app.view.page.run.charts import TOOL_LABEL, tool_lines
 from explicitfe.app.view.palette import COLOURS, FORMATS, GREY, LINE_STYLES, plain, save
 from explicitfe.app.view.several import check_count, same_kind
 from explicitfe.app.view.times import milliseconds
@@ -106,18 +110,13 @@ def contours_figure(results: Sequence[Result], times_s: Sequence[float] | None =
 def curves_figure(results: Sequence[Result]) -> Figure:
     """Force against displacement of results of indentations."""
     figure = heading_of_several(results, 5.4, "Force of the whole tool")
-    axes = figure.subplots()
-    plain(axes)
-    for number, (result, label) in enumerate(zip(results, labels_of([result.path for result in results]), strict=True)):
-        colour, style = _line(number)
-        axes.plot(
-            1e3 * result.history("indentation"), result.history("force"), style, marker="o", ms=4, color=colour, label=label
-        )
-    axes.set_xlabel("displacement of the tool after first contact (mm)")
-    axes.set_ylabel("force of the whole tool (N)")
-    axes.set_xlim(left=0.0)
-    axes.set_ylim(bottom=0.0)
-    axes.legend(frameon=False, loc="upper left")
+    labels = labels_of([result.path for result in results])
+    lines = [
+        replace(line, name="" if part else label, colour=number)
+        for number, (result, label) in enumerate(zip(results, labels, strict=True))
+        for part, line in enumerate(tool_lines(result))
+    ]
+    draw_charts(figure, [chart("", lines, x_label=TOOL_LABEL, y_label="force of the whole tool (N)")])
     return figure
 
 

@@ -18,9 +18,13 @@ class StatedTool(TypedDict, total=False):
     edge_radius_mm: float
 
 
-class GroupCurve(TypedDict):
-    """A measured curve and its model, in the units of the axes, each column (n,); ``split`` is "fit" or "holdout"."""
+class FittedCurve(TypedDict):
+    """A measured curve and its model, in the units of the axes, each column (n,); ``split`` is "fit" or "holdout".
 
+    ``sd`` is the noise of its rows, one standard deviation, and ``predicted`` the model at each row.
+    """
+
+    id: str
     split: str
     x_label: str
     y_label: str
@@ -28,12 +32,6 @@ class GroupCurve(TypedDict):
     measured: np.ndarray
     line_x: np.ndarray
     line_y: np.ndarray
-
-
-class FittedCurve(GroupCurve):
-    """The same with the noise of its rows, one standard deviation, and the model at each row."""
-
-    id: str
     sd: np.ndarray
     predicted: np.ndarray
 

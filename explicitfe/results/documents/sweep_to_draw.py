@@ -128,3 +128,9 @@ class SweepToDraw:
     causes: list[SweepCause]
     commands: list[str]
     facts: list[tuple[str, str]]
+
+    @property
+    def shown_measures(self) -> list[SweepColumn]:
+        """The main measures that the sweep has, in their order."""
+        by_name = {measure.name: measure for measure in self.measures}
+        return [by_name[name] for name in self.main_measures if name in by_name]

@@ -1,4 +1,4 @@
-"""Charts of a page as data; the template draws them as SVG, without a drawing library, script or network.
+"""Charts as data: the template of a page draws them as SVG without a script, ``chart_figure.py`` draws them with matplotlib.
 
 Lines are drawn in a square of 1000 by 1000 that the page stretches to the room it has, while letters and widths of lines keep
 their size: a chart can be read on a telephone and on paper.
@@ -69,21 +69,26 @@ class Word:
 
 @dataclass(frozen=True)
 class Tick:
-    """A mark of an axis: its place as a percentage from the left or from the bottom, and its label."""
+    """A mark of an axis: its place, the same as a percentage from the left or from the bottom, and its label."""
 
+    value: float
     percent: str
     label: str
 
 
 @dataclass(frozen=True)
 class DrawnLine:
-    """A series as the template draws it: ``pieces`` are the points of a polyline each; dots are polylines of no length."""
+    """A series as the template draws it: ``pieces`` are the points of a polyline each; dots are polylines of no length.
+
+    ``line`` has its numbers; on a logarithmic axis its y are logarithms.
+    """
 
     name: str
     pieces: list[str]
     drawn: Drawn
     colour: int
     dash: int
+    line: Line
 
 
 @dataclass(frozen=True)
@@ -95,7 +100,7 @@ class Chart:
     title, x_label, y_label : with units; may be empty.
     x_range, y_range : values at the left and right, and at the bottom and top edge.
     x_ticks, y_ticks : marks; ``zero`` is where y = 0 lies, %; None where it is not within the chart.
-    spans : shaded ranges, for example of muscle activity, % from the left.
+    spans : shaded ranges, for example of muscle activity, % from the left; ``shaded`` are the same in units of x.
     follows : quantity of x, "time" or "indentation", if the player of the page marks the current value; otherwise empty.
     numerical : whether it is one of the checks of the numerical solution.
     words : written into the chart.
@@ -111,6 +116,7 @@ class Chart:
     series: list[DrawnLine]
     zero: str | None = None
     spans: list[tuple[str, str]] = field(default_factory=list)
+    shaded: Sequence[tuple[float, float]] = ()
     follows: str = ""
     logarithmic: bool = False
     numerical: bool = False
@@ -128,7 +134,8 @@ def chart(
     logarithmic: bool = False,
     spans: Sequence[tuple[float, float]] = (),
     follows: str = "",
-    x_words: Sequence[str] = (),
+    x_marks: Sequence[tuple[float, str]] = (),
+    y_marks: Sequence[tuple[float, str]] = (),
     reversed_axes: bool = False,
     words: Sequence[tuple[float, float, str, int]] = (),
 ) -> Chart | None:
@@ -139,7 +146,7 @@ def chart(
     x_range, y_range : smallest ranges of the axes; by default those of the data.
     logarithmic : whether y is drawn by its logarithm; numbers that are not positive are left out.
     spans : parts of the x axis that are shaded, from and to.
-    x_words : what stands at x = 0, 1, 2 and so on, in the place of numbers.
+    x_marks, y_marks : places on the axis and their labels; round numbers if left out.
     reversed_axes : whether both axes run to the left and down.
     words : written into the chart: x, y, text, number of the colour.
     """
@@ -155,8 +162,8 @@ def chart(
     left, right = _span(across, DOT_MARGIN_SHARE if has_dots and not x_range else 0.0)
     with_zero = [reached(one) for one in kept]
     bottom, top = _span([*with_zero, np.array(y_range or [])], MARGIN_SHARE)
-    values, labels = _decades(bottom, top) if logarithmic else round_ticks(bottom, top)
-    marks, labels_across = round_ticks(left, right) if not x_words else ([float(k) for k in range(len(x_words))], list(x_words))
+    x_marks = x_marks or list(zip(*round_ticks(left, right), strict=True))
+    y_marks = y_marks or list(zip(*(_decades(bottom, top) if logarithmic else round_ticks(bottom, top)), strict=True))
     if reversed_axes:
         left, right, bottom, top = right, left, top, bottom
     placed = [
@@ -166,6 +173,7 @@ def chart(
             one.drawn,
             (number if one.colour is None else one.colour) % COLOUR_COUNT,
             one.dash % DASH_COUNT,
+            one,
         )
         for number, one in enumerate(kept)
     ]
@@ -175,11 +183,12 @@ def chart(
         y_label,
         (left, right),
         (bottom, top),
-        _ticks(marks, labels_across, left, right),
-        _ticks(values, labels, bottom, top),
+        [Tick(value, _percent(value, left, right), label) for value, label in x_marks],
+        [Tick(value, _percent(value, bottom, top), label) for value, label in y_marks],
         placed,
         None if logarithmic or not bottom < 0.0 < top else _percent(0.0, bottom, top),
         [(_percent(max(a, left), left, right), _percent(min(b, right), left, right)) for a, b in spans if b > left and a < right],
+        spans,
         follows,
         logarithmic,
         words=[Word(_percent(x, left, right), _percent(y, bottom, top), text, colour) for x, y, text, colour in words],
@@ -204,16 +213,14 @@ def _decades(low: float, high: float) -> tuple[list[float], list[str]]:
     """Powers of ten, by their exponents."""
     exponents = list(range(math.ceil(low - 1e-9), math.floor(high + 1e-9) + 1))
     if len(exponents) < 2:
-        numbers, _ = round_ticks(low, high, 3)
-        return numbers, [f"{DECADE_FACTOR**x:.1e}" for x in numbers]
+        every = [math.log10(m) + k for k in range(math.floor(low), math.ceil(high)) for m in (1, 2, 5)]
+        shown = [x for x in every if low <= x <= high]
+        numbers = shown if len(shown) > 1 else round_ticks(low, high, 3)[0]
+        return numbers, [f"{DECADE_FACTOR**x:.{0 if len(shown) > 1 else 1}e}" for x in numbers]
     exponents = exponents[:: math.ceil(len(exponents) / MOST_DECADES_MARKED)]
     plain = exponents[0] >= -3 and exponents[-1] <= 4
     labels = [f"{DECADE_FACTOR**k:g}" if plain else f"10{str(k).translate(SUPERSCRIPTS)}" for k in exponents]
     return [float(k) for k in exponents], labels
-
-
-def _ticks(values: list[float], labels: list[str], low: float, high: float) -> list[Tick]:
-    return [Tick(_percent(value, low, high), label) for value, label in zip(values, labels, strict=True)]
 
 
 def _percent(value: float, low: float, high: float) -> str:

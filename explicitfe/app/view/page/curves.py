@@ -54,15 +54,20 @@ def axis_of(time_s: np.ndarray, imposed: np.ndarray, label: str) -> tuple[np.nda
     return (imposed, label) if goes_one_way(time_s, imposed) else (time_s, "time (s)")
 
 
-def _chart(curve: CurveToDraw) -> Chart | None:
+def measured_lines(
+    name: str, x: np.ndarray, values: np.ndarray, sd: np.ndarray | None, colour: int = DATA_COLOUR, *, as_dots: bool
+) -> list[Line]:
+    """Rows of a curve as dots or as a line, with bars of their noise where it is known and they are few."""
     lines = []
-    if curve.sd is not None and np.any(curve.sd > 0.0) and len(curve.x) <= MOST_NOISE_BARS:
-        gaps = np.full(len(curve.x), np.nan)
-        low, high = curve.measured - SDS_OF_A_BAR * curve.sd, curve.measured + SDS_OF_A_BAR * curve.sd
-        bars = np.column_stack([low, high, gaps]).ravel()
-        lines.append(Line("", np.repeat(curve.x, 3), bars, colour=DATA_COLOUR))
-    as_dots = len(curve.x) <= MOST_DOTS
-    lines.append(Line("measured", curve.x, curve.measured, drawn="dots" if as_dots else "line", colour=DATA_COLOUR))
+    if sd is not None and np.any(sd > 0.0) and len(x) <= MOST_NOISE_BARS:
+        gaps = np.full(len(x), np.nan)
+        bars = np.column_stack([values - SDS_OF_A_BAR * sd, values + SDS_OF_A_BAR * sd, gaps]).ravel()
+        lines.append(Line("", np.repeat(x, 3), bars, colour=colour))
+    return [*lines, Line(name, x, values, drawn="dots" if as_dots else "line", colour=colour)]
+
+
+def _chart(curve: CurveToDraw) -> Chart | None:
+    lines = measured_lines("measured", curve.x, curve.measured, curve.sd, as_dots=len(curve.x) <= MOST_DOTS)
     if curve.model_x is not None and curve.model is not None:
         lines.append(Line("model", curve.model_x, curve.model, colour=MODEL_COLOUR))
     return chart(curve.title, lines, x_label=curve.x_label, y_label=curve.y_label)

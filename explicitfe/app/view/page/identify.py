@@ -9,8 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from explicitfe.app.view.fit import CHI2_RISE_95_PERCENT, constant_name, unit_of_constant
-from explicitfe.app.view.page.chart import Chart, Line, chart
+from explicitfe.app.view.page.chart import COLOUR_COUNT, Chart, Line, chart
 from explicitfe.app.view.page.curves import CurveToDraw, charts_of_curves
 from explicitfe.app.view.page.frame import page_text
 from explicitfe.app.view.page.tables import PageTable, bars, table
@@ -18,6 +17,9 @@ from explicitfe.app.view.page.words import finite, number, percent, plural
 from explicitfe.results.documents.fitted_curves import ConstantProfile, FittedCurve
 from explicitfe.results.documents.identification import Identification, IdentifiedGroup, changes_of
 
+# A constant with this rise of chi squared stands at an end of its 95 % interval: the quantile of one degree of freedom.
+CHI2_RISE_95_PERCENT = 3.84
+HIGHEST_RISE = 10.0  # that is shown
 SIDES_OF_A_FIT = {"holdout": "held out", "fit": "fitted"}
 
 
@@ -38,6 +40,16 @@ class GroupOnPage:
     hides: PageTable | None
     facts: dict[str, str]
     warnings: list[str]
+
+
+def constant_name(key: str) -> str:
+    """Name of a constant without its unit."""
+    return key.removesuffix("_Pa")
+
+
+def unit_of_constant(key: str) -> str:
+    """ " Pa", or nothing for a constant without a unit."""
+    return " Pa" if key.endswith("_Pa") else ""
 
 
 def identify_page(
@@ -81,7 +93,7 @@ def _group(name: str, group: IdentifiedGroup, curves: Sequence[FittedCurve], pro
         law=group.get("law", ""),
         laws=_laws(group),
         charts=charts_of_curves([_drawn(curve) for curve in curves]),
-        profiles=[drawn for profile in profiles if (drawn := _profile(profile)) is not None],
+        profiles=[drawn for profile in profiles if (drawn := profile_chart(profile)) is not None],
         curves=_curves(group),
         hides=_hides(group),
         facts=dict(_facts(group)),
@@ -140,16 +152,33 @@ def _drawn(curve: FittedCurve) -> CurveToDraw:
     )
 
 
-def _profile(profile: ConstantProfile) -> Chart | None:
-    """Profile likelihood of a constant."""
-    ends = np.array([profile["values"][0], profile["values"][-1]])
+def profile_chart(profile: ConstantProfile) -> Chart | None:
+    """Profile likelihood of a constant, the parabola of the curvature, and the intervals, that of independent noise pale."""
+    values, name, unit = profile["values"], constant_name(profile["name"]), unit_of_constant(profile["name"])
+    best, sd, wider = profile["best"], profile["sd"], profile["widened_by"]
+    ends, (low, high) = np.array([values[0], values[-1]]), profile["ci95"]
+
+    def line(label: str, rise: np.ndarray, colour: int, dash: int = 0) -> Line:
+        return Line(label, values, np.where(rise <= HIGHEST_RISE, rise, np.nan), colour=colour, dash=dash)
+
     lines = [
-        Line("increase of χ²", profile["values"], profile["rise"]),
-        Line("95 %", ends, np.full(2, CHI2_RISE_95_PERCENT), colour=1, dash=1),
+        line("profile likelihood", profile["rise"], 0),
+        Line("95 %", ends, np.full(2, CHI2_RISE_95_PERCENT), colour=COLOUR_COUNT - 1, dash=1),
     ]
-    name = constant_name(profile["name"])
-    x_label = f"{name} (Pa)" if unit_of_constant(profile["name"]) else name
-    return chart(f"Profile likelihood of {name}", lines, x_label=x_label, y_label="increase of χ², scaled as the interval")
+    if sd > 0.0:
+        lines.append(line("curvature at the optimum", ((values - best) / (wider * sd)) ** 2, 1, 1))
+        half = CHI2_RISE_95_PERCENT**0.5 * sd
+        if wider > 1.0:
+            label = f"95 % from independent noise alone ({number(wider, 2)} times narrower)"
+            x, foot = np.clip([best - half, best + half], *ends), np.zeros(2)
+            lines.append(Line(label, x, foot, "band", colour=2, y_high=foot + HIGHEST_RISE))
+    return chart(
+        f"{name} = {best:.4g}{unit}, 95 %: {low:.4g} to {high:.4g}",
+        lines,
+        x_label=f"{name} (Pa)" if unit else name,
+        y_label="increase of χ²" + (f" over {number(wider, 2)}²" if wider > 1.0 else ""),
+        spans=[(max(low, values[0]), min(high, values[-1]))],
+    )
 
 
 def _curves(group: IdentifiedGroup) -> PageTable | None:

@@ -1,16 +1,15 @@
-"""Where the rows of a curve lie across a panel, and which of them are drawn as dots."""
+"""Where the rows of a curve lie across a chart, and which of them are drawn as dots."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
+from explicitfe.app.view.page.chart import round_ticks
 from explicitfe.app.view.page.close_loop.reading import DrawnCurve
 from explicitfe.app.view.page.words import bare
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 # A loading that takes less than this share of the time would be a vertical line: it gets more room ...
 SHORT_LOADING_SHARE = 0.15
@@ -18,6 +17,7 @@ SHORT_LOADING_SHARE = 0.15
 STRETCHED_LOADING_WIDTH_SHARE = 0.36
 # The next mark of the axis keeps this share of the time behind the loading away from its end, or the words would overlap.
 MARK_DISTANCE_SHARE = 0.15
+TICKS_AFTER_LOADING = 3
 # A test goes in one direction if it turns back by at most this share of its span: measured columns tremble.
 TURNING_BACK_SHARE = 0.01
 # It is held for a while where it changes by less than this share of its span from row to row ...
@@ -29,33 +29,35 @@ ROWS_THAT_SHOW_A_HOLD = 20
 LOADED_SHARE = 0.99
 
 
-def place_rows(axes: Axes, curve: DrawnCurve, ticks: int, over_time: bool = False) -> np.ndarray:
+class Abscissa(NamedTuple):
+    """Places of the rows of a curve (k,), the label of the axis, its marks if they are no round numbers, and shaded ranges."""
+
+    x: np.ndarray
+    label: str
+    marks: Sequence[tuple[float, str]] = ()
+    shaded: Sequence[tuple[float, float]] = ()
+
+
+def abscissa_of(curve: DrawnCurve, over_time: bool = False) -> Abscissa:
     """Where the rows of a curve lie across: over what is imposed, or over time, of which a short loading is stretched.
 
     The curve is drawn over time where ``over_time`` asks for it, where the imposed quantity turns back or is held, or where it is
-    not given. The label and the marks of the axis are set.
+    not given.
     """
-    from matplotlib.ticker import MaxNLocator
-
     time, imposed = curve.time, curve.imposed
     if time is None or (imposed is not None and not over_time and goes_one_way(time, imposed)):
-        axes.xaxis.set_major_locator(MaxNLocator(ticks))
-        axes.set_xlabel(curve.x_label if imposed is not None else "row")
-        return np.arange(len(curve.measured), dtype=float) if imposed is None else imposed
-    axes.set_xlabel("time (s)")
+        rows = np.arange(len(curve.measured), dtype=float)
+        return Abscissa(rows, "row") if imposed is None else Abscissa(imposed, curve.x_label)
     start, end = float(np.nanmin(time)), float(np.nanmax(time))
     loaded = loading_end(time, imposed) if imposed is not None else end
     if not 0.0 < loaded - start < SHORT_LOADING_SHARE * (end - start):
-        axes.xaxis.set_major_locator(MaxNLocator(ticks))
-        return time
+        return Abscissa(time, "time (s)")
     knots, places = [start, loaded, end], [0.0, STRETCHED_LOADING_WIDTH_SHARE, 1.0]
     earliest = loaded + MARK_DISTANCE_SHARE * (end - loaded)
-    later = [t for t in MaxNLocator(ticks - 1).tick_values(loaded, end) if earliest < t <= end]
-    axes.set_xticks(np.interp([start, loaded, *later], knots, places), [bare(t) for t in (start, loaded, *later)])
-    axes.axvspan(0.0, STRETCHED_LOADING_WIDTH_SHARE, color="0.96", lw=0, zorder=-2)
-    axes.set_xlim(-0.015, 1.015)
-    axes.set_xlabel("time (s), loading (grey) stretched")
-    return np.interp(time, knots, places)
+    marked = [start, loaded, *(t for t in round_ticks(loaded, end, TICKS_AFTER_LOADING)[0] if earliest < t)]
+    marks = [(float(np.interp(t, knots, places)), bare(t)) for t in marked]
+    x = np.interp(time, knots, places)
+    return Abscissa(x, "time (s), loading (shaded) stretched", marks, [(0.0, STRETCHED_LOADING_WIDTH_SHARE)])
 
 
 def goes_one_way(time: np.ndarray, imposed: np.ndarray) -> bool:

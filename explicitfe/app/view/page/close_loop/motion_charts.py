@@ -1,26 +1,21 @@
-"""The picture of the residuals of markers: over time, and their spectrum next to that of the data."""
+"""Charts of the residuals of markers: over time, and their spectrum next to that of the data."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 
+from explicitfe.app.view.page.chart import Chart, Line, chart
 from explicitfe.app.view.page.close_loop.motion_film import AXES_OF_MODEL, largest_coordinate, largest_motion
-from explicitfe.app.view.page.close_loop.pictures import PAGE_DOTS_PER_INCH
+from explicitfe.app.view.page.close_loop.pictures import AFTER_COLOUR, BEFORE_COLOUR, BEFORE_DASH, DATA_COLOUR
 from explicitfe.app.view.page.close_loop.reading import has_changed
 from explicitfe.app.view.page.words import finite, model_names, shortened
-from explicitfe.app.view.palette import AFTER, BEFORE, new_figure, plain
 from explicitfe.results.documents.loop_report import LoopReport
 from explicitfe.results.documents.motion_report import MovingMarkers
 
-if TYPE_CHECKING:
-    from matplotlib.artist import Artist
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-# The picture has a row for each curve and a column for each marker, those that move most; the tables have all of them.
+# A row of charts for each curve and a column for each marker, those that move most; the tables have all of them.
 MOST_CURVES_WITH_MARKERS, MOST_MARKERS_OF_A_CURVE = 6, 4
 # The spectrum is drawn up to the highest frequency with this share of the largest amplitude, times a factor.
 HIGH_AMPLITUDE_SHARE, FREQUENCY_MARGIN_FACTOR = 0.1, 2.5
@@ -29,89 +24,68 @@ SMALLEST_AMPLITUDE_SHARE = 1e-4
 FEWEST_ROWS_OF_SPECTRUM = 8
 
 
-def marker_charts(report: LoopReport, markers: Sequence[MovingMarkers]) -> Figure | None:
-    """Distance of model and data of each marker over time, and amplitude spectra; None if no marker was measured."""
+def marker_charts(report: LoopReport, markers: Sequence[MovingMarkers]) -> list[list[Chart | None]]:
+    """Of each curve the distance of model and data of each marker over time, and spectra; all rows are equally long."""
     drawn = [one for one in markers if len(one.time_s) > 1 and np.isfinite(one.measured).any()]
     drawn = sorted(drawn, key=lambda one: (one.split != "holdout", -largest_motion(one)))[:MOST_CURVES_WITH_MARKERS]
-    if not drawn:
-        return None
-    columns = min(max(len(one.names) for one in drawn), MOST_MARKERS_OF_A_CURVE)
-    figure = new_figure(11.8, 0.9 + 1.9 * len(drawn), PAGE_DOTS_PER_INCH)
-    grid = figure.subplots(len(drawn), columns + 1, squeeze=False, width_ratios=[1.0] * columns + [1.5])
-    for row, one in zip(grid, drawn, strict=True):
-        _draw_distances(row[:-1], report, one)
-        _draw_spectrum(row[-1], report, one)
-    for axes in grid[:-1].flat:
-        axes.set_xlabel("")
-    entries: dict[str, Artist] = {}
-    for axes in grid.T[::-1].flat:
-        handles, labels = axes.get_legend_handles_labels()
-        entries |= dict(zip(labels, handles, strict=True))
-    figure.legend(list(entries.values()), list(entries), loc="outside upper left", ncols=4, frameon=False, fontsize=9)
-    return figure
+    columns = min(max((len(one.names) for one in drawn), default=0), MOST_MARKERS_OF_A_CURVE)
+    rows = []
+    for one in drawn:
+        distances = list(_distances(report, one))
+        rows.append([*distances, *[None] * (columns - len(distances)), _spectrum(report, one)])
+    return rows
 
 
-def _models(report: LoopReport, one: MovingMarkers) -> list[tuple[str, np.ndarray, str, str]]:
+def _models(report: LoopReport, one: MovingMarkers) -> list[tuple[str, np.ndarray, int, int]]:
     """Legend, displacements (k, s, 3), colour and kind of line of each model."""
     names = model_names(report)
     if not has_changed(report):
-        return [(names[0], one.before, BEFORE, "--")]
-    pairs = ((f"before: {names[0]}", one.before, BEFORE, "--"), (f"after: {names[1]}", one.after, AFTER, "-"))
-    return [(shortened(name, 60), path, colour, line) for name, path, colour, line in pairs]
+        return [(names[0], one.before, BEFORE_COLOUR, BEFORE_DASH)]
+    before = (f"before: {shortened(names[0], 52)}", one.before, BEFORE_COLOUR, BEFORE_DASH)
+    return [before, (f"after: {shortened(names[1], 52)}", one.after, AFTER_COLOUR, 0)]
 
 
-def _draw_distances(panels: Sequence[Axes], report: LoopReport, one: MovingMarkers) -> None:
-    """The distance of model and data over time, a panel for each marker."""
+def _distances(report: LoopReport, one: MovingMarkers) -> Iterator[Chart | None]:
+    """The distance of model and data over time, a chart for each marker with one range for all."""
     motion = np.nan_to_num(np.linalg.norm(one.measured, axis=2)).max(axis=0)
-    shown = sorted(np.argsort(-motion)[: len(panels)])
     repeats = report.repeats.rms.get(one.curve) if report.repeats else None
-    highest = 0.0
-    for axes, number in zip(panels, shown, strict=False):
-        for name, path, colour, line in _models(report, one):
-            distance = np.linalg.norm(path[:, number] - one.measured[:, number], axis=1)
-            highest = max(highest, float(np.nanmax(distance, initial=0.0)))
-            axes.plot(one.time_s, distance, line, color=colour, lw=1.2, label=name)
+    panels, ends = [], one.time_s[[0, -1]]
+    for number in sorted(np.argsort(-motion)[:MOST_MARKERS_OF_A_CURVE]):
+        lines = [
+            Line(name, one.time_s, np.linalg.norm(path[:, number] - one.measured[:, number], axis=1), colour=colour, dash=dash)
+            for name, path, colour, dash in _models(report, one)
+        ]
         if finite(repeats):
-            axes.axhline(repeats, color="0.35", lw=1.0, ls=":", label="rms distance of two repeats")
-        first = number == shown[0]
-        held = "held out: " if one.split == "holdout" else ""
-        curve = f"{held}{shortened(one.curve, 30)}\n" if first else "\n"
-        axes.set_title(
-            f"{curve}{shortened(one.names[number], 24)}", loc="left", fontsize=8.5, weight="bold" if first and held else "normal"
-        )
-        axes.set_xlabel("time (s)", fontsize=8)
-        axes.tick_params(labelsize=7.5, labelleft=first)
-        plain(axes)
-    for axes in panels:
-        axes.set_ylim(0.0, 1.08 * max(highest, repeats if finite(repeats) else 0.0) or 1.0)
-    for axes in panels[len(shown) :]:
-        axes.set_axis_off()
-    panels[0].set_ylabel("distance of model\nand data (mm)", fontsize=8)
+            lines.append(Line("rms distance of two repeats", ends, np.full(2, repeats), colour=DATA_COLOUR, dash=2))
+        panels.append((one.names[number], lines))
+    highest = max(float(np.nanmax(line.y, initial=0.0)) for _, lines in panels for line in lines)
+    for position, (name, lines) in enumerate(panels):
+        lines = [replace(line, name="") for line in lines] if position else lines
+        title = f"{'held out: ' if one.split == 'holdout' else ''}{shortened(one.curve, 30)}, {shortened(name, 24)}"
+        y_range = (0.0, highest or 1.0)
+        yield chart(title, lines, x_label="time (s)", y_label="distance of model and data (mm)", y_range=y_range)
 
 
-def _draw_spectrum(axes: Axes, report: LoopReport, one: MovingMarkers) -> None:
+def _spectrum(report: LoopReport, one: MovingMarkers) -> Chart | None:
     """Amplitude spectra of the data and of the residuals of the coordinate with the largest motion."""
     marker, axis = largest_coordinate(one)
     measured = one.measured[:, marker, axis]
     frequency, amplitude = amplitude_spectrum(one.time_s, measured)
-    plain(axes)
-    where = f"{shortened(one.names[marker], 24)} along {AXES_OF_MODEL[axis]}"
-    axes.set_title(f"{where}: spectrum of the data,\nand of the residual before and after", loc="left", fontsize=8.5)
-    axes.tick_params(labelsize=7.5)
     if not len(frequency):
-        return
-    axes.plot(frequency, amplitude, color="black", lw=1.6, label="measured")
-    for name, path, colour, line in _models(report, one):
-        residual = amplitude_spectrum(one.time_s, path[:, marker, axis] - measured)
-        axes.plot(*residual, line, color=colour, lw=1.2, label=name)
+        return None
     last = frequency[np.flatnonzero(amplitude >= HIGH_AMPLITUDE_SHARE * amplitude.max())[-1]]
-    axes.set_xlim(0.0, min(FREQUENCY_MARGIN_FACTOR * last, frequency[-1]))
-    if amplitude.max() > 0.0:
-        axes.set_yscale("log")
-        axes.set_ylim(bottom=max(SMALLEST_AMPLITUDE_SHARE * amplitude.max(), axes.get_ylim()[0]))
-        axes.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
-    axes.set_xlabel("frequency (Hz)", fontsize=8)
-    axes.set_ylabel("amplitude (mm)", fontsize=8)
+    shown, least = frequency <= FREQUENCY_MARGIN_FACTOR * last, SMALLEST_AMPLITUDE_SHARE * amplitude.max()
+    spectra = [("measured", amplitude, DATA_COLOUR, 0)]
+    for name, path, colour, dash in _models(report, one):
+        residual = amplitude_spectrum(one.time_s, path[:, marker, axis] - measured)[1]
+        spectra.append((f"residual {name.partition(':')[0]}", residual, colour, dash))
+    lines = [
+        Line(name, frequency[shown], np.where(y >= least, y, np.nan)[shown], colour=colour, dash=dash)
+        for name, y, colour, dash in spectra
+        if len(y)
+    ]
+    title = f"spectra of {shortened(one.names[marker], 24)} along {AXES_OF_MODEL[axis]}"
+    return chart(title, lines, x_label="frequency (Hz)", y_label="amplitude (mm)", logarithmic=bool(amplitude.max() > 0.0))
 
 
 def amplitude_spectrum(time_s: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -214,12 +214,6 @@ def _of_rows(report: LoopReport) -> str:
     return f" in {count(sum(known))} rows" if rows and len(known) == len(rows) else ""
 
 
-def curves_alternative(report: LoopReport) -> str:
-    """What stands for the picture of the curves where it is not shown."""
-    before, after = model_names(report)
-    return f"Measured curves against the {before}" + (f" and the model {after}." if has_changed(report) else ".")
-
-
 def causes(report: LoopReport) -> PageTable | None:
     """The causes that these data can show, their forms, and the smallest strength that they would show."""
     tested = {name: one for name, one in report.causes.items() if one.decision != "not-testable"}
@@ -294,9 +288,9 @@ def residual_caption(curves: Sequence[DrawnCurve]) -> str:
     unit = "standard deviations of the noise" if known else "per cent of the largest measured value"
     caption = f"Measured minus model, in {unit}, over time; held-out curves first."
     if known:
-        caption += " Grey: two standard deviations; beyond them the scale is logarithmic where the misfit is large."
+        caption += " Grey band: two standard deviations; beyond them the scale is logarithmic where the misfit is large."
     if any(len(curve.measured) > ROWS_WITHOUT_MEAN for curve in curves):
-        caption += " Long curves: thin line, every row; thick line, mean of each sixtieth."
+        caption += " Long curves: mean of each sixtieth, and band of all its rows."
     return caption
 
 

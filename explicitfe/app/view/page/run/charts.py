@@ -12,7 +12,6 @@ from explicitfe.app.view.energy_balance import energy_balance
 from explicitfe.app.view.hourglass import hourglass_share
 from explicitfe.app.view.mouth import is_mouth
 from explicitfe.app.view.muscles import activation, muscle_name, muscles_of, on_times
-from explicitfe.app.view.over_time import ADVISED_HOURGLASS_SHARE, SIDEWAYS_SHARE
 from explicitfe.app.view.page.chart import COLOUR_COUNT, Chart, Line, chart, reached
 from explicitfe.results.documents.run_summary import kind_of
 from explicitfe.results.files import Result
@@ -20,7 +19,12 @@ from explicitfe.results.measure.document import Measures
 from explicitfe.results.measure.sections import X, Y, Z
 from explicitfe.results.measure.tract import TOUCHING_GAP_M
 
-TIME_LABEL = "time (ms)"
+TIME_LABEL, TOOL_LABEL = "time (ms)", "displacement of the tool after first contact (mm)"
+FORCES_TITLE, POINTS_TITLE = "Muscle forces", "Named points: "
+# Users of explicit codes are advised to keep the hourglass energy below this share of the elastic energy.
+ADVISED_HOURGLASS_SHARE = 0.1
+# A lateral movement below this share of the largest one gets no chart.
+SIDEWAYS_SHARE = 1e-3
 # Black is the last colour: the external work is drawn over the energies that add up to it, and a limit over what it limits.
 COLOUR_OF_WORK = COLOUR_COUNT - 1
 BALANCE_TITLE = "Energy balance: stored (dark) and dissipated (pale) energies add up to the external work (line)"
@@ -91,7 +95,7 @@ def _time_charts(result: Result, measures: Measures | None) -> list[PlannedChart
 
     add(f"Leak: widest open way (dashed: closed below {1e3 * TOUCHING_GAP_M:g} mm)", "mm", _leak_lines(result, measures))
     courses = [(muscle, *activation(muscle, times[-1])) for muscle in muscles]
-    add("Muscle forces", "N", [Line(muscle_name(one), at, one["force_N"] * share) for one, at, share in courses])
+    add(FORCES_TITLE, "N", [Line(muscle_name(one), at, one["force_N"] * share) for one, at, share in courses])
     for title, unit, lines in [*_point_lines(result), *_contact_lines(result)]:
         add(title, unit, _lines(times, lines))
     if stack := energy_lines(result):
@@ -134,15 +138,15 @@ def _point_lines(result: Result) -> list[tuple[str, str, dict[str, np.ndarray]]]
     probes.sort(key=lambda name: order.index(name) if name in order else len(order))
     moved = {name: 1e3 * result.history(f"probe_{name}_displacement") for name in probes}
     charts = [
-        ("Named points: forward", "mm", {name: -u[:, X] for name, u in moved.items()}),
-        ("Named points: up", "mm", {name: u[:, Z] for name, u in moved.items()}),
+        (f"{POINTS_TITLE}forward", "mm", {name: -u[:, X] for name, u in moved.items()}),
+        (f"{POINTS_TITLE}up", "mm", {name: u[:, Z] for name, u in moved.items()}),
     ]
     largest = max(float(np.nanmax(np.abs(u), initial=0.0)) for u in moved.values())
     if max(float(np.nanmax(np.abs(u[:, Y]), initial=0.0)) for u in moved.values()) > SIDEWAYS_SHARE * largest:
-        charts.append(("Named points: to the right", "mm", {name: u[:, Y] for name, u in moved.items()}))
+        charts.append((f"{POINTS_TITLE}to the right", "mm", {name: u[:, Y] for name, u in moved.items()}))
     with_speed = [name for name in probes if f"probe_{name}_velocity" in result.history_names]
     speeds = {name: 1e3 * np.linalg.norm(result.history(f"probe_{name}_velocity"), axis=1) for name in with_speed}
-    return [*charts, ("Named points: speed", "mm/s", speeds)]
+    return [*charts, (f"{POINTS_TITLE}speed", "mm/s", speeds)]
 
 
 def _contact_lines(result: Result) -> list[tuple[str, str, dict[str, np.ndarray]]]:
@@ -175,7 +179,16 @@ def _leak_lines(result: Result, measures: Measures | None) -> list[Line]:
 
 
 def _tool_charts(result: Result) -> list[PlannedChart]:
+    return [PlannedChart("Tool force (whole tool)", "N", tool_lines(result), TOOL_LABEL, "indentation", [])]
+
+
+def tool_lines(result: Result) -> list[Line]:
+    """Force (N) over displacement (mm) of the tool of an indentation: loading, and unloading dashed."""
     displacement, force = 1e3 * result.history("indentation"), result.history("force")
-    series = [Line("force", displacement, force), Line("", displacement, force, drawn="dots", colour=0)]
-    label = "displacement of the tool after first contact (mm)"
-    return [PlannedChart("Tool force (whole tool)", "N", series, label, "indentation", [])]
+    back = np.flatnonzero(np.diff(displacement) < 0.0)
+    turn = int(back[0]) if len(back) else len(displacement) - 1
+    parts = (("loading" if len(back) else "force", slice(turn + 1), 0), ("unloading", slice(turn, None), 1))
+    lines = [
+        Line(name, displacement[part], force[part], dash=dash, colour=dash) for name, part, dash in parts[: 1 + len(back[:1])]
+    ]
+    return [one for line in lines for one in (line, replace(line, name="", drawn="dots", dash=0))]

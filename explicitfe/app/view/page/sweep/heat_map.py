@@ -65,8 +65,7 @@ def heat_maps(sweep: SweepToDraw) -> Iterator[HeatMap]:
     (columns, column), (rows, row) = (np.unique(factor.values, return_inverse=True) for factor in (across, up))
     if not (2 <= len(columns) <= MOST_VALUES_OF_A_FACTOR and 2 <= len(rows) <= MOST_VALUES_OF_A_FACTOR):
         return
-    by_name = {measure.name: measure for measure in sweep.measures}
-    for measure in (by_name[name] for name in sweep.main_measures if name in by_name):
+    for measure in sweep.shown_measures:
         usable = np.isfinite(measure.values)
         cell = row[usable] * len(columns) + column[usable]
         runs, sums = (np.bincount(cell, weights, len(rows) * len(columns)) for weights in (None, measure.values[usable]))

@@ -146,7 +146,7 @@ def _factors(factors: Sequence[SweepColumn]) -> PageTable | None:
 
 
 def _effects(sweep: SweepToDraw) -> Iterator[EffectsOnMeasure]:
-    for measure in _main_measures(sweep):
+    for measure in sweep.shown_measures:
         effects = effects_on(measure, sweep.factors, with_shares=sweep.is_balanced)
         if effects is not None and effects.charts:
             yield effects
@@ -157,14 +157,9 @@ def _shares(sweep: SweepToDraw) -> PageTable | None:
     factors = sweep.factors[:MOST_FACTORS_TABLED]
     if len(sweep.factors) < 2 or not sweep.is_balanced:
         return None
-    rows = [(measure.title, *shares_of(measure, factors)) for measure in _main_measures(sweep)]
+    rows = [(measure.title, *shares_of(measure, factors)) for measure in sweep.shown_measures]
     head = ("measure", *(factor.words for factor in factors))
     return table(head, [row for row in rows if any(row[1:])], "t" + "n" * len(factors))
-
-
-def _main_measures(sweep: SweepToDraw) -> list[SweepColumn]:
-    by_name = {measure.name: measure for measure in sweep.measures}
-    return [by_name[name] for name in sweep.main_measures if name in by_name]
 
 
 def _outlines(sweep: SweepToDraw) -> OutlinesOnPage | None:

@@ -8,14 +8,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from explicitfe.app.view.chart_figure import draw_charts
 from explicitfe.app.view.files import new_files, writing
-from explicitfe.app.view.page.sweep.effects import MainEffect, main_effect, share_in_words
+from explicitfe.app.view.page.sweep.effects import effects_on
 from explicitfe.app.view.page.sweep.heat_map import heat_maps
+from explicitfe.app.view.page.sweep.scatter import scatter_chart
 from explicitfe.app.view.palette import BONE_EDGE, COLOURS, FORMATS, GREY, WIDTH_IN, new_figure, plain, save
 from explicitfe.platform.errors import InputError, Progress, nearest, shortened, silent
 from explicitfe.platform.host.extras import require
 from explicitfe.results.documents.drawn import DrawnPictures
-from explicitfe.results.documents.sweep_to_draw import MeasureIndices, SweepColumn, SweepToDraw
+from explicitfe.results.documents.sweep_to_draw import MeasureIndices, SweepToDraw
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -124,24 +126,13 @@ def outlines(sweep: SweepToDraw) -> Figure | None:
 
 def effects(sweep: SweepToDraw) -> Figure | None:
     """The main measures against each factor: means and a band of one standard deviation."""
-    by_name = {column.name: column for column in sweep.measures}
-    rows: list[tuple[SweepColumn, list[MainEffect]]] = []
-    for name in sweep.main_measures:
-        strongest = [effect for factor in sweep.factors if (effect := main_effect(factor, by_name[name])) is not None]
-        strongest = sorted(strongest, key=lambda effect: -np.nan_to_num(effect.share))[:MOST_FACTORS_DRAWN]
-        if strongest and len(rows) < MOST_MEASURES_DRAWN:
-            rows.append((by_name[name], strongest))
-    if not rows:
+    rows = [effects_on(measure, sweep.factors, with_shares=sweep.is_balanced) for measure in sweep.shown_measures]
+    charts = [row.charts[:MOST_FACTORS_DRAWN] for row in rows if row is not None and row.charts][:MOST_MEASURES_DRAWN]
+    if not charts:
         return None
-    across = max(len(strongest) for _, strongest in rows)
-    figure = new_figure(max(WIDTH_IN, 2.4 * across), PANEL_HEIGHT_IN * len(rows) + 0.4)
-    grid = figure.subplots(len(rows), across, squeeze=False, sharey="row")
-    for panels, (measure, strongest) in zip(grid, rows, strict=True):
-        for panel, effect in zip(panels, strongest, strict=False):
-            _effect(panel, effect, sweep.is_balanced)
-        for panel in panels[len(strongest) :]:
-            panel.set_axis_off()
-        panels[0].set_ylabel(measure.title.replace(": ", ":\n"), fontsize=8)
+    across = max(map(len, charts))
+    figure = new_figure(max(WIDTH_IN, 2.4 * across), PANEL_HEIGHT_IN * len(charts) + 0.4)
+    draw_charts(figure, [one for row in charts for one in (*row, *[None] * (across - len(row)))], across)
     figure.suptitle("Mean per value or bin, with one standard deviation", fontsize=9)
     return figure
 
@@ -161,8 +152,8 @@ def indices(sweep: SweepToDraw) -> Figure | None:
     return figure
 
 
-def against(sweep: SweepToDraw, across: str, up: str) -> Figure:
-    """Scatter plot of two columns, one point per run, coloured by status.
+def against(sweep: SweepToDraw, across: str, up: str) -> Figure | None:
+    """Scatter plot of two columns, one point per run, coloured by status; None where no run has both.
 
     Raises
     ------
@@ -172,21 +163,11 @@ def against(sweep: SweepToDraw, across: str, up: str) -> Figure:
     for name in (across, up):
         if name not in columns:
             raise InputError(f'this sweep has no column "{shortened(name)}"; {nearest(name, columns)}')
-    x, y = columns[across], columns[up]
+    shown = scatter_chart(sweep, columns[across], columns[up])
+    if shown is None:
+        return None
     figure = new_figure(6.0, 4.5)
-    axes = figure.subplots()
-    plain(axes)
-    statuses = np.array(sweep.statuses)
-    for number, status in enumerate(dict.fromkeys(sweep.statuses)):
-        chosen = (statuses == status) & np.isfinite(x.values) & np.isfinite(y.values)
-        if chosen.any():
-            axes.plot(x.values[chosen], y.values[chosen], ".", ms=4, color=COLOURS[number % len(COLOURS)], label=status)
-    for column, axis in ((x, axes.xaxis), (y, axes.yaxis)):
-        axis.set_label_text(column.title)
-        if column.levels:
-            axis.set_ticks(range(len(column.levels)), column.levels)
-    if len(axes.lines) > 1:
-        axes.legend(frameon=False, fontsize=8)
+    draw_charts(figure, [shown])
     return figure
 
 
@@ -217,22 +198,6 @@ def maps(sweep: SweepToDraw) -> Figure | None:
 PICTURES: Mapping[str, Callable[[SweepToDraw], Figure | None]] = {
     "outlines": outlines, "effects": effects, "maps": maps, "indices": indices
 }  # fmt: skip
-
-
-def _effect(panel: Axes, effect: MainEffect, with_share: bool) -> None:
-    plain(panel)
-    sd = np.nan_to_num(effect.sd)
-    if effect.factor.levels:
-        panel.errorbar(effect.x, effect.mean, sd, fmt="o", ms=3, lw=0.8, color=COLOURS[0])
-        panel.set_xticks(range(len(effect.factor.levels)), effect.factor.levels, fontsize=6)
-        panel.set_xlim(-0.5, len(effect.factor.levels) - 0.5)
-    else:
-        panel.fill_between(effect.x, effect.mean - sd, effect.mean + sd, color=COLOURS[0], alpha=0.15, lw=0)
-        panel.plot(effect.x, effect.mean, "o-", ms=3, lw=1.0, color=COLOURS[0])
-    share = share_in_words(effect.share) if with_share else ""
-    panel.set_title(f"{share} of the variance" if share else "", fontsize=7)
-    panel.set_xlabel(effect.factor.title, fontsize=7)
-    panel.tick_params(labelsize=7)
 
 
 def _bars(panel: Axes, of_measure: MeasureIndices) -> None:

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from explicitfe.app.view.page.chart import COLOUR_COUNT, Chart, Line, chart
+from explicitfe.app.view.page.chart import Chart, Line, chart
 from explicitfe.app.view.page.run.packed import Packed
 from explicitfe.app.view.page.sweep.effects import main_effect
 from explicitfe.results.documents.sweep_to_draw import SweepColumn, SweepToDraw
@@ -75,15 +74,12 @@ def scatter_of(sweep: SweepToDraw) -> ColumnScatter | None:
         return None
     x = max(effects, key=lambda effect: np.nan_to_num(effect.share)).factor
     sample = sample_of(len(sweep.statuses), len(columns))
-    statuses = [status for status, _ in Counter(sweep.statuses).most_common()]
-    statuses.sort(key=lambda status: status != sweep.finished)
-    places = np.array([statuses.index(sweep.statuses[row]) for row in sample], dtype=int)
-    picture = _picture(x, y, sample, places, statuses)
+    picture, statuses = scatter_chart(sweep, x, y, sample), statuses_of(sweep)
     if picture is None:
         return None
     packed = Packed()
     packed.add("member", sweep.numbers[sample], "<u4")
-    packed.add("status", places, "<u1")
+    packed.add("status", np.array([statuses.index(sweep.statuses[row]) for row in sample], dtype=int), "<u1")
     entries: list[dict[str, object]] = []
     for number, column in enumerate(columns):
         values = column.values[sample]
@@ -105,14 +101,23 @@ def sample_of(stored: int, columns: int) -> np.ndarray:
     return np.sort(np.random.default_rng(SEED_OF_THE_SAMPLE).choice(stored, most, replace=False))
 
 
-def _picture(x: SweepColumn, y: SweepColumn, sample: np.ndarray, places: np.ndarray, statuses: Sequence[str]) -> Chart | None:
-    across, up = x.values[sample], y.values[sample]
+def statuses_of(sweep: SweepToDraw) -> list[str]:
+    """The statuses of the runs: that of a finished run first, then by frequency."""
+    statuses = [status for status, _ in Counter(sweep.statuses).most_common()]
+    return sorted(statuses, key=lambda status: status != sweep.finished)
+
+
+def scatter_chart(sweep: SweepToDraw, x: SweepColumn, y: SweepColumn, rows: np.ndarray | None = None) -> Chart | None:
+    """Two columns against each other, coloured by status; ``rows`` are those of the runs that are drawn, all if left out."""
+    rows = np.arange(len(sweep.statuses)) if rows is None else rows
+    own = np.array(sweep.statuses)[rows]
     lines = [
-        Line(status, across[places == k], up[places == k], drawn="dots", colour=k % COLOUR_COUNT)
-        for k, status in enumerate(statuses)
+        Line(status, x.values[rows[own == status]], y.values[rows[own == status]], "dots", colour=number)
+        for number, status in enumerate(statuses_of(sweep))
     ]
     x_range = (-0.5, len(x.levels) - 0.5) if x.levels else None
-    return chart("", lines, x_label=x.title, y_label=y.title, x_range=x_range, x_words=x.levels)
+    y_marks = list(enumerate(y.levels))
+    return chart("", lines, x_label=x.title, y_label=y.title, x_range=x_range, x_marks=list(enumerate(x.levels)), y_marks=y_marks)
 
 
 def _groups(sweep: SweepToDraw, x: SweepColumn, y: SweepColumn) -> list[tuple[str, list[ColumnChoice]]]:

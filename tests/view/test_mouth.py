@@ -18,7 +18,7 @@ from tiny_result import python
 
 from explicitfe.app.view.context import PART_COLOURS, ContextPart, context_of
 from explicitfe.app.view.context_shapes import POINTS_OF_A_RING
-from explicitfe.app.view.mouth import CROWNS_MM, drawn_bones, teeth_of
+from explicitfe.app.view.mouth import ARCHES, drawn_bones, teeth_data, teeth_of
 from explicitfe.app.view.page.run.playback import CONTEXT_ROUNDING_MM, playback
 from explicitfe.app.view.palette import LIP
 from explicitfe.fem.bones.surface import TriangleSurface, depth_inside
@@ -26,6 +26,7 @@ from explicitfe.fem.bones.tables import read_bones
 from explicitfe.fem.mesh.triangles import surface_triangles
 from explicitfe.results.files import FINISHED, Quantity, StoredBone, open_result
 from explicitfe.simulate.anatomy import catalogue
+from studies.benchmarks.teeth import CROWNS_MM, teeth
 
 TURN_DEG, SHIFT_M = -10.0, np.array([-0.001, 0.0, -0.002])
 # How far a drawn crown may reach into the tongue at rest. The jaw in contact reaches in by up to 2.5 mm, at its attachments.
@@ -63,7 +64,7 @@ def mouth(tmp_path_factory) -> Path:
 def test_crowns_are_closed_and_as_large_as_stated(mouth):
     with open_result(mouth) as result:
         arches = teeth_of(result)
-        assert set(arches) == set(CROWNS_MM)
+        assert set(arches) == set(ARCHES) == set(CROWNS_MM)
         for name, teeth in arches.items():
             points, crowns = 1e3 * teeth.points, 2 * len(CROWNS_MM[name])
             assert TriangleSurface(points, teeth.triangles).volume_m3 > 0.0  # seen from outside
@@ -77,6 +78,14 @@ def test_crowns_are_closed_and_as_large_as_stated(mouth):
             near = front[front[:, 0] < front[:, 0].min() + 0.005, 2]
             incisor = arches[name].points[np.abs(arches[name].points[:, 1]) < 0.004, 2]
             assert 1e3 * abs(end(incisor) - end(near)) < 0.7
+
+
+def test_the_stored_crowns_are_those_of_the_bones():
+    """``studies/benchmarks/teeth.py`` was run after the last change of the bones."""
+    computed, stored = teeth(), teeth_data()
+    assert set(computed) == set(stored)
+    for name, values in computed.items():
+        np.testing.assert_allclose(stored[name], values, atol=1e-9, rtol=0.0)
 
 
 def test_teeth_keep_clear_of_the_tongue_at_rest(mouth):

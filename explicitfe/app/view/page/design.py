@@ -7,8 +7,8 @@ import shlex
 from explicitfe.app.view.page.frame import page_text
 from explicitfe.app.view.page.tables import PageTable, bars, table
 from explicitfe.app.view.page.words import bare, count, finite, plural
-from explicitfe.app.view.terminal.design import strength_in_words
 from explicitfe.results.documents.planned_test import EffectInTest, PlannedTest
+from explicitfe.results.documents.units_of_keys import words_and_unit
 
 
 def design_page(planned: PlannedTest) -> str:
@@ -21,15 +21,15 @@ def design_page(planned: PlannedTest) -> str:
         "page/design.html.j2",
         title=planned.protocol,
         summary=f"{of_all} with {count(planned.n_eff)} independent rows.",
-        shown=_shown(shown),
-        apart=_apart(shown),
+        shown=shown_table(shown),
+        apart=apart_table(shown),
         hidden=table(("effect", "reason"), [(row.effect, row.reason) for row in hidden], "tw"),
         constants=table(("constant", "expected"), constants, "tn"),
         command=f"explicitfe design-test {shlex.quote(planned.file)}",
     )
 
 
-def _shown(rows: list[EffectInTest]) -> PageTable | None:
+def shown_table(rows: list[EffectInTest]) -> PageTable | None:
     """The smallest detectable strength of each effect; the bar is its ratio to the largest plausible one."""
     head = ("effect", "strength", "detected from", "plausible up to", "ratio", "imitated by constants")
     return table(
@@ -49,6 +49,12 @@ def _shown(rows: list[EffectInTest]) -> PageTable | None:
     )
 
 
+def strength_in_words(row: EffectInTest) -> str:
+    """The parameter that is the strength of an effect, with its unit in brackets."""
+    words, _ = words_and_unit(row.strength.rpartition(".")[2])
+    return f"{words} ({row.unit})" if row.unit else words
+
+
 def _share(row: EffectInTest) -> float | None:
     """The smallest detectable strength over the largest plausible one."""
     if not finite(row.smallest) or not finite(row.largest_plausible) or not row.largest_plausible:
@@ -56,7 +62,7 @@ def _share(row: EffectInTest) -> float | None:
     return min(1.0, abs(row.smallest / row.largest_plausible))
 
 
-def _apart(rows: list[EffectInTest]) -> PageTable | None:
+def apart_table(rows: list[EffectInTest]) -> PageTable | None:
     """Effects that each effect is and is not distinguishable from at its largest plausible strength."""
     cells = []
     for row in rows:

@@ -91,12 +91,12 @@ def _group(name: str, group: IdentifiedGroup, curves: Sequence[FittedCurve], pro
         constants=_constants(group),
         widened=widened if widened_by > 1.0 else "",
         law=group.get("law", ""),
-        laws=_laws(group),
+        laws=laws_table(group),
         charts=charts_of_curves([_drawn(curve) for curve in curves]),
         profiles=[drawn for profile in profiles if (drawn := profile_chart(profile)) is not None],
-        curves=_curves(group),
-        hides=_hides(group),
-        facts=dict(_facts(group)),
+        curves=curves_table(group),
+        hides=hides_table(group),
+        facts=dict(facts_of(group)),
         warnings=group.get("warnings", []),
     )
 
@@ -120,7 +120,8 @@ def _interval(ends: Sequence[float | None] | None) -> str:
     return f"{number(low)} to {number(high) if finite(high) else 'no limit'}" if finite(low) else ""
 
 
-def _laws(group: IdentifiedGroup) -> PageTable | None:
+def laws_table(group: IdentifiedGroup) -> PageTable | None:
+    """The laws that were compared; None for a single law."""
     rows: list[tuple[Any, ...]] = []
     shown = group.get("laws", [])
     for row in shown if len(shown) > 1 else []:
@@ -181,7 +182,8 @@ def profile_chart(profile: ConstantProfile) -> Chart | None:
     )
 
 
-def _curves(group: IdentifiedGroup) -> PageTable | None:
+def curves_table(group: IdentifiedGroup) -> PageTable | None:
+    """The errors of the curves."""
     shown = group.get("curves", {})
     largest = max((row["nrmse"] for row in shown.values() if finite(row["nrmse"])), default=0.0)
     rows = [
@@ -199,7 +201,8 @@ def _curves(group: IdentifiedGroup) -> PageTable | None:
     return table(("curve", "", "rows", "rmse", "of the largest value", "largest error", ""), rows, "ttnnnnb")
 
 
-def _hides(group: IdentifiedGroup) -> PageTable | None:
+def hides_table(group: IdentifiedGroup) -> PageTable | None:
+    """The constants with other assumptions."""
     symbols = [constant_name(name) for name in group.get("constants", {})]
     rows: list[tuple[Any, ...]] = []
     for row in group.get("hides", []):
@@ -219,7 +222,8 @@ def _hides(group: IdentifiedGroup) -> PageTable | None:
     return table(head, rows, "t" + "n" * (len(symbols) + 2))
 
 
-def _facts(group: IdentifiedGroup) -> Iterator[tuple[str, str]]:
+def facts_of(group: IdentifiedGroup) -> Iterator[tuple[str, str]]:
+    """Names and values of misfit, noise and assumptions."""
     if "misfit" in group:
         misfit = group["misfit"]
         text = f"{number(misfit['rms'])} {group['unit']} rms, {percent(misfit['nrmse'])} of the largest value"
@@ -236,7 +240,8 @@ def _facts(group: IdentifiedGroup) -> Iterator[tuple[str, str]]:
         yield "correlation of the constants", f"{group['correlation']:+.2f}"
     if "paper" in group:
         paper = group["paper"]
-        yield "paper's method", f"{group['status']} in {plural(len(paper['trace']), 'run')}"
+        limits = f"(α {1e3 * paper['alpha_mm']:g} µm, β {1e3 * paper['beta_mm']:g} µm)"
+        yield "paper's method", f"{group['status']} in {plural(len(paper['trace']), 'run')} {limits}"
         yield (
             "verdict",
             f"{sum(paper['within'])} of {len(paper['within'])} points within {paper['tolerance']}; largest error "

@@ -28,7 +28,7 @@ def predict_page(prediction: Prediction, dataset: str) -> str:
         errors=list(_errors(prediction)),
         charts=_charts(prediction),
         left_undrawn=max(0, len(prediction.curves) - MOST_CURVES),
-        curves=_table(prediction),
+        curves=errors_table(prediction),
         failures=table(("curve", "why"), list(prediction.failures.items()), "tw"),
         assumed=prediction.assumed,
         command=f"explicitfe predict {shlex.quote(dataset)} --model {shlex.quote(prediction.model)}",
@@ -80,7 +80,8 @@ def _drawn(name: str, curve: PredictedCurve) -> CurveToDraw:
     )
 
 
-def _table(prediction: Prediction) -> PageTable | None:
+def errors_table(prediction: Prediction) -> PageTable | None:
+    """The errors of the predicted curves, held-out ones first."""
     largest = max((curve.nrmse for curve in prediction.curves.values() if finite(curve.nrmse)), default=0.0)
     rows = [
         (
@@ -88,9 +89,10 @@ def _table(prediction: Prediction) -> PageTable | None:
             SIDES[curve.split],
             percent(curve.nrmse),
             f"{number(curve.rmse)} {curve.unit}" if finite(curve.rmse) else "",
+            f"{curve.seconds:.2f} s",
             bars([None, curve.nrmse], None, largest),
         )
         for name, curve in _in_order(prediction)
         if curve.status == "predicted"
     ]
-    return table(("curve", "", "of the largest value", "rmse", ""), rows, "ttnnb")
+    return table(("curve", "", "of the largest value", "rmse", "wall time", ""), rows, "ttnnnb")

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from rich.console import Group, RenderableType
 from rich.markup import escape
 from rich.table import Table
 
-from explicitfe.app.view.page.close_loop.motion_tables import motion_errors
+from explicitfe.app.view.page.close_loop.motion_tables import error_table
+from explicitfe.app.view.page.close_loop.parts import causes
 from explicitfe.app.view.page.close_loop.reading import has_changed
-from explicitfe.app.view.page.words import how_sure, number, percent, with_interval, worth_of
+from explicitfe.app.view.page.words import how_sure, percent, with_interval, worth_of
 from explicitfe.app.view.terminal.files import file_lines
-from explicitfe.app.view.terminal.rows import pairs
+from explicitfe.app.view.terminal.rows import pairs, printed
 from explicitfe.results.documents.loop_report import LoopReport, estimates
-from explicitfe.results.documents.verdict_text import cause_title, named_forms, probability, sentence, strength
+from explicitfe.results.documents.verdict_text import sentence
 
 # Absent causes are listed until the table has so many rows.
 MOST_CAUSES_PRINTED = 8
@@ -47,37 +50,16 @@ def loop_tables(report: LoopReport) -> Group:
     if end.row_count:
         tables.append(end)
     if report.motion:
-        tables.append(_motion_errors(report))
+        tables.append(printed("rms distance of the markers", error_table(report)))
     return Group(*tables, file_lines([("file", path) for path in report.files]))
 
 
 def _causes(report: LoopReport) -> Table:
     """The most probable causes, and how many others are absent or cannot be tested."""
-    table = Table(title="causes", title_justify="left")
-    for column in ("cause", "probability", "decision", "forms", "detectable from"):
-        table.add_column(column, justify="right" if column == "probability" else "left", overflow="fold")
-    tested = [(name, one) for name, one in report.causes.items() if one.decision != "not-testable"]
-    for position, (name, one) in enumerate(tested):
-        if position < MOST_CAUSES_PRINTED or one.decision != "absent":
-            forms = ", ".join(f"{form} {probability(p)}" for form, p in named_forms(report, name).items())
-            cells = (cause_title(report, name), probability(one.probability), one.decision or "", forms, strength(one))
-            table.add_row(*map(escape, cells))
-    more = len(tested) - table.row_count
-    untested = len(report.causes) - len(tested)
+    tested = [one for one in report.causes.values() if one.decision != "not-testable"]
+    shown = [k for k, one in enumerate(tested) if k < MOST_CAUSES_PRINTED or one.decision != "absent"]
+    more, untested = len(tested) - len(shown), len(report.causes) - len(tested)
     notes = [f"{more} more absent" if more else "", f"{untested} not testable with these data" if untested else ""]
-    table.caption = "; ".join(filter(None, notes)) or None
-    return table
-
-
-def _motion_errors(report: LoopReport) -> Table:
-    """The errors of curves with markers, next to the scatter of repeats."""
-    changed = has_changed(report)
-    table = Table(title="rms distance of the markers (mm)", title_justify="left")
-    table.add_column("curve", overflow="fold")
-    for column in (*(("before", "after") if changed else ("model",)), "two repeats"):
-        table.add_column(column, justify="right")
-    for row in motion_errors(report):
-        errors = (row.before, row.after) if changed else (row.before,)
-        name = f"{row.curve}, held out" if row.held_out else row.curve
-        table.add_row(escape(name), *(number(x) for x in (*errors, row.repeats)))
-    return table
+    all_causes = causes(report)
+    few = None if all_causes is None else replace(all_causes, rows=[all_causes.rows[k] for k in shown])
+    return printed("causes", few, "; ".join(filter(None, notes)))

@@ -10,8 +10,9 @@ from rich.console import Group, RenderableType
 from rich.markup import escape
 from rich.table import Table
 
+from explicitfe.app.view.page.tables import table
 from explicitfe.app.view.terminal.files import file_lines
-from explicitfe.app.view.terminal.rows import moved, pairs, spaced, text_of
+from explicitfe.app.view.terminal.rows import moved, pairs, printed, spaced, text_of
 from explicitfe.results.files.differing_keys import table_in_words
 from explicitfe.results.measure.comparison import ComparedField, ComparedHistory, Comparison, DifferingKey
 
@@ -101,43 +102,25 @@ def _keys(title: str, keys: Sequence[DifferingKey]) -> Table:
 
 def _side_by_side(title: str, first: str, rows: Sequence[tuple[str, str, str]]) -> Table:
     left_out = len(rows) - MOST_ROWS_OF_A_TABLE
-    table = Table(title=title, title_justify="left", caption_justify="left")
-    table.caption = f"and {left_out} more: add --json" if left_out > 0 else None
-    table.add_column(first, no_wrap=True)
-    table.add_column("a", overflow="fold")
-    table.add_column("b", overflow="fold")
-    for name, a, b in rows[:MOST_ROWS_OF_A_TABLE]:
-        table.add_row(escape(name), escape(a), escape(b))
-    return table
+    shown = table((first, "a", "b"), rows[:MOST_ROWS_OF_A_TABLE], "ttt")
+    return printed(title, shown, f"and {left_out} more: add --json" if left_out > 0 else "")
 
 
 def _differences(title: str, first: str, parts: Sequence[ComparedField | ComparedHistory]) -> Table:
-    table = Table(title=title, title_justify="left")
-    table.add_column(first, no_wrap=True)
-    for column in ("largest", "relative", "at"):
-        table.add_column(column, justify="right")
+    rows = []
     for part in parts:
         unit, scale = SHOWN_IN.get(part.unit, (part.unit, 1.0))
-        table.add_row(escape(spaced(part.name)), f"{scale * part.largest:.3g} {unit}", _percent(part.share), _time(part.at_ms))
-    return table
+        rows.append((spaced(part.name), f"{scale * part.largest:.3g} {unit}", _percent(part.share), _time(part.at_ms)))
+    return printed(title, table((first, "largest", "relative", "at"), rows, "tnnn"))
 
 
 def _points(comparison: Comparison) -> Table:
-    table = Table(title=f"points: b − a at {_time(comparison.times.last_ms)}, and the largest distance at any time")
-    table.title_justify = "left"
-    table.add_column("point", no_wrap=True)
-    table.add_column("at the end")
-    for column in ("largest", "share", "at"):
-        table.add_column(column, justify="right")
-    for name, point in comparison.named_points.items():
-        table.add_row(
-            escape(name),
-            moved(point.forward_mm, point.up_mm, point.right_mm),
-            _length(point.largest_mm),
-            _percent(point.share),
-            _time(point.at_ms),
-        )
-    return table
+    rows = [
+        (name, moved(at.forward_mm, at.up_mm, at.right_mm), _length(at.largest_mm), _percent(at.share), _time(at.at_ms))
+        for name, at in comparison.named_points.items()
+    ]
+    title = f"points: b − a at {_time(comparison.times.last_ms)}, and the largest distance at any time"
+    return printed(title, table(("point", "at the end", "largest", "share", "at"), rows, "ttnnn"))
 
 
 def _measures(comparison: Comparison) -> Iterator[tuple[str, str, str]]:

@@ -8,10 +8,10 @@ from typing import Any
 
 from rich.console import Group
 from rich.markup import escape
-from rich.table import Table
 
+from explicitfe.app.view.page.tables import table
 from explicitfe.app.view.terminal.files import file_lines
-from explicitfe.app.view.terminal.rows import pairs, text_of
+from explicitfe.app.view.terminal.rows import pairs, printed, text_of
 from explicitfe.results.documents.dataset_check import MATERIAL_TESTS, ColumnRange, DatasetCheckReport
 
 
@@ -46,30 +46,24 @@ def dataset_check_tables(report: DatasetCheckReport) -> Group:
     for name, words in (("source", report["source"]), ("license", report["license"])):
         if words:
             head.add_row(name, escape(words))
-    curves = Table(title="curves", title_justify="left")
-    curves.add_column("curve", no_wrap=True)
-    curves.add_column("use")
-    for column in ("rows", "time"):
-        curves.add_column(column, justify="right")
-    of_material = report["test"] in MATERIAL_TESTS
-    if of_material:
-        curves.add_column("imposed")
-    curves.add_column("measured" if of_material else "movement")
-    curves.add_column("noise", justify="right")
+    of_material, rows = report["test"] in MATERIAL_TESTS, []
     for curve in report["curves"]:
         imposed = [column for column in curve["columns"] if column["column"] == curve["imposed"]]
         read = [column for column in curve["columns"] if column not in imposed]
         noise = curve["noise_sd"]
-        curves.add_row(
-            escape(curve["id"]),
-            escape(f"{curve['side']}: {curve['why']}" if curve["why"] else curve["side"]),
-            str(curve["rows"]),
-            f"{curve['duration_s']:.4g} s",
-            *([_ranges(imposed)] if of_material else []),
-            _ranges(read),
-            "not stated" if noise is None else f"{noise:.3g} {read[0]['unit']}" if read else f"{noise:.3g}",
+        rows.append(
+            (
+                curve["id"],
+                f"{curve['side']}: {curve['why']}" if curve["why"] else curve["side"],
+                str(curve["rows"]),
+                f"{curve['duration_s']:.4g} s",
+                _ranges(imposed) if of_material else "",
+                _ranges(read),
+                "not stated" if noise is None else f"{noise:.3g} {read[0]['unit']}" if read else f"{noise:.3g}",
+            )
         )
-    return Group(head, curves)
+    columns = ("curve", "use", "rows", "time", "imposed", "measured" if of_material else "movement", "noise")
+    return Group(head, printed("curves", table(columns, rows, "ttnnttn")))
 
 
 def _described(table: Mapping[str, Any]) -> str:
@@ -80,7 +74,7 @@ def _described(table: Mapping[str, Any]) -> str:
 
 
 def _ranges(columns: Sequence[ColumnRange]) -> str:
-    return escape("\n".join(_range(column) for column in columns))
+    return "\n".join(_range(column) for column in columns)
 
 
 def _range(column: ColumnRange) -> str:

@@ -8,10 +8,17 @@ from rich.console import Group, RenderableType
 from rich.markup import escape
 from rich.table import Table
 
+from explicitfe.app.view.page.identify import curves_table, facts_of, hides_table, laws_table
 from explicitfe.app.view.page.words import number
 from explicitfe.app.view.terminal.files import file_lines
-from explicitfe.app.view.terminal.rows import pairs
-from explicitfe.results.documents.identification import Identification, IdentifiedGroup, changes_of
+from explicitfe.app.view.terminal.rows import pairs, printed
+from explicitfe.results.documents.identification import Identification, IdentifiedGroup
+
+LAWS_CAPTION = "ΔAICc, ΔBIC: difference from the best law; a law with ΔAICc above 10 has practically no support"
+HIDES_CAPTION = (
+    "residual: rms misfit that the constants cannot compensate; in noise: in standard deviations of a row; "
+    "*: left open by the dataset, and included in the 95 % intervals"
+)
 
 
 def identification_tables(identification: Identification) -> Group:
@@ -26,11 +33,13 @@ def identification_tables(identification: Identification) -> Group:
             tables.append(failed)
             continue
         tables.append(_constants(title, group))
-        if len(group["laws"]) > 1:
-            tables.append(_laws(group))
-        tables.append(_curves(group))
-        if group["hides"]:
-            tables.append(_hides(group))
+        for heading, shown, caption in (
+            ("comparison of laws", laws_table(group), LAWS_CAPTION),
+            ("curves", curves_table(group), ""),
+            ("sensitivity to the assumptions: change of the constants with the same data", hides_table(group), HIDES_CAPTION),
+        ):
+            if shown is not None:
+                tables.append(printed(heading, shown, caption))
     end = pairs("")
     end.add_row("simulations", f"{identification['forward_runs']}, {identification['wall_s']:.1f} s in total")
     return Group(*tables, end, file_lines([("file", path) for path in identification["files"]]))
@@ -66,97 +75,8 @@ def _constants(title: str, group: IdentifiedGroup) -> Table:
     if group["widened_by"] > 1.0 and "paper" not in group:
         wider = f"{number(group['widened_by'], 2)} times wider than from independent noise alone"
         table.add_row("intervals", f"{wider}, before what was assumed is added")
-    misfit = group["misfit"]
-    text = f"{misfit['rms']:.3g} {group['unit']} rms, {100.0 * misfit['nrmse']:.2f} % of the largest value"
-    if misfit["reduced_chi2"] is not None:
-        text += f"; reduced χ² {misfit['reduced_chi2']:.3g}"
-    table.add_row("misfit of the law", text)
-    if group["correlation"] is not None:
-        table.add_row("correlation", f"{group['correlation']:+.2f}")
-    unit = group["unit"]
-    noise = f"{group['noise_sd']:.2g} {unit} ({group['noise']}); numerical {group['numerical_sd']:.2g} {unit}"
-    table.add_row("noise", noise)
-    if group["chi2"] is not None:
-        table.add_row("χ²", f"{group['chi2']:.4g} with {group['degrees_of_freedom']} degrees of freedom")
-    if "paper" in group:
-        paper = group["paper"]
-        table.add_row(
-            "paper's method",
-            f"{group['status']} in {len(paper['trace'])} runs "
-            f"(α {1e3 * paper['alpha_mm']:g} µm, β {1e3 * paper['beta_mm']:g} µm)",
-        )
-        table.add_row(
-            "verdict",
-            f"{sum(paper['within'])} of {len(paper['within'])} points within {paper['tolerance']}; "
-            f"largest error {100.0 * paper['largest_relative_error']:.2g} %",
-        )
-    table.add_row("assumed", escape(", ".join(group["assumed"])))
-    return table
-
-
-def _laws(group: IdentifiedGroup) -> Table:
-    table = Table(
-        title="comparison of laws",
-        title_justify="left",
-        caption="ΔAICc, ΔBIC: difference from the best law; a law with ΔAICc above 10 has practically no support",
-        caption_justify="left",
-    )
-    table.add_column("law", no_wrap=True)
-    for head in ("shear modulus", "misfit", "held-out error", "ΔAICc", "ΔBIC"):
-        table.add_column(head, justify="right", no_wrap=True)
-    for row in group["laws"]:
-        if "problem" in row:
-            table.add_row(row["law"], escape(row["problem"]), "", "", "", "")
-            continue
-        held_out = row["held_out_nrmse"]
-        table.add_row(
-            row["law"],
-            f"{row['shear_modulus_Pa']:.5g} Pa",
-            f"{100.0 * row['nrmse']:.2f} %",
-            "" if held_out is None else f"{100.0 * held_out:.2f} %",
-            f"{row['aicc_difference']:.1f}",
-            f"{row['bic_difference']:.1f}",
-        )
-    return table
-
-
-def _curves(group: IdentifiedGroup) -> Table:
-    table = Table(title="curves", title_justify="left", caption="relative: rmse over the largest value", caption_justify="left")
-    table.add_column("curve", no_wrap=True)
-    for head in ("", "rows", "not used", "rmse", "relative", "max. error"):
-        table.add_column(head, justify="right" if head else "left", no_wrap=True)
-    for name, row in group["curves"].items():
-        table.add_row(
-            escape(name),
-            "fitted" if row["split"] == "fit" else "held out",
-            str(row["rows"]),
-            str(row["rows_left_out"]),
-            f"{row['rmse']:.3g} {row['unit']}",
-            f"{100.0 * row['nrmse']:.2f} %",
-            f"{row['largest_error']:.3g} {row['unit']}",
-        )
-    return table
-
-
-def _hides(group: IdentifiedGroup) -> Table:
-    symbols = [name.removesuffix("_Pa") for name in group["constants"]]
-    table = Table(
-        title="sensitivity to the assumptions: change of the constants with another assumption and the same data",
-        title_justify="left",
-        caption="residual: rms misfit that the constants cannot compensate; in noise: in standard deviations of a row; "
-        "*: left open by the dataset, and included in the 95 % intervals",
-        caption_justify="left",
-    )
-    table.add_column("other assumption")
-    for head in (*symbols, "residual", "in noise"):
-        table.add_column(head, justify="right", no_wrap=True)
-    for row in group["hides"]:
-        if "problem" in row:
-            table.add_row(escape(row["if"]), escape(row["problem"]), *("" for _ in range(len(symbols) + 1)))
-            continue
-        left = f"{1e3 * row['left']:.2g} µm" if group["unit"] == "mm" else f"{row['left']:.2g} {group['unit']}"
-        changes = (f"{100.0 * change:+.1f} %" for change in changes_of(row, symbols))
-        table.add_row(escape(row["if"]) + (" *" if row["left_open"] else ""), *changes, left, f"{row['left_in_noise']:.2g}")
+    for name, text in facts_of(group):
+        table.add_row(name, escape(text))
     return table
 
 

@@ -2,23 +2,18 @@
 
 from __future__ import annotations
 
+from rich.console import Group
 from rich.markup import escape
-from rich.table import Table
 
+from explicitfe.app.view.page.predict import errors_table
+from explicitfe.app.view.terminal.rows import pairs, printed
 from explicitfe.results.documents.prediction import Prediction
 
 
-def prediction_table(prediction: Prediction) -> Table:
-    """Root mean square error of each curve."""
-    effects = ", ".join(prediction.effects) or "elastic"
-    table = Table(title=escape(f"{prediction.dataset}: {effects}"), title_justify="left")
-    table.add_column("curve", no_wrap=True)
-    for column in ("", "rms error", "of the largest", "time"):
-        table.add_column(column, justify="right")
-    for name, curve in prediction.curves.items():
-        if curve.status != "predicted":
-            table.add_row(escape(name), "[red]failed[/red]", "", "", "")
-            continue
-        share = "" if curve.nrmse is None else f"{100 * curve.nrmse:.2f} %"
-        table.add_row(escape(name), curve.split or "", f"{curve.rmse:.4g} {curve.unit}", share, f"{curve.seconds:.2f} s")
-    return table
+def prediction_table(prediction: Prediction) -> Group:
+    """Root mean square error of each curve, and why curves could not be predicted."""
+    table = printed(f"{prediction.dataset}: {', '.join(prediction.effects) or 'elastic'}", errors_table(prediction))
+    failed = pairs("failed" if prediction.failures else "")
+    for name, why in prediction.failures.items():
+        failed.add_row(escape(name), f"[red]{escape(why)}[/red]")
+    return Group(table, failed) if prediction.failures else Group(table)

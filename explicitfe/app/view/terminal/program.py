@@ -9,8 +9,9 @@ from rich.console import Console, ConsoleOptions, Group, RenderResult
 from rich.markup import escape
 from rich.table import Table
 
+from explicitfe.app.view.page.tables import table
 from explicitfe.app.view.terminal.files import file_lines
-from explicitfe.app.view.terminal.rows import pairs, text_of
+from explicitfe.app.view.terminal.rows import pairs, printed, text_of
 from explicitfe.platform.host.load import is_busy
 
 if TYPE_CHECKING:
@@ -67,12 +68,8 @@ class ListTable:
 
 def kernels_table(seconds_of: dict[str, float]) -> Table:
     """The kernels that were compiled or loaded, and the time of each."""
-    table = Table(title="compiled kernels", title_justify="left")
-    table.add_column("kernels", no_wrap=True)
-    table.add_column("seconds", justify="right")
-    for name, seconds in seconds_of.items():
-        table.add_row(name, f"{seconds:.1f}")
-    return table
+    rows = [(name, f"{seconds:.1f}") for name, seconds in seconds_of.items()]
+    return printed("compiled kernels", table(("kernels", "seconds"), rows, "tn"))
 
 
 def new_scenario_table(scenario: Mapping[str, Any]) -> Group:
@@ -102,28 +99,22 @@ def examination_table(examination: Examination) -> Table:
 
 def speed_tables(speed: SpeedReport) -> Group:
     """Speed of the kernels and of a scenario on this machine."""
-    lanes = f"{speed['lanes']} lanes, {speed['cores']} cores"
-    table = Table(title=f"ns per element and step, float64, {lanes}", title_justify="left")
     threads = max((row["threads"] or 1 for row in speed["rows"]), default=1)
-    for column in ("hexes", "element", "1 thread", "documented", "ratio", f"{threads} threads", "faster"):
-        table.add_column(column, justify="left" if column == "element" else "right", no_wrap=True)
+    rows = []
     for row in speed["rows"]:
         known, shared = row["reference_ns"], row["ns_threads"]
-        table.add_row(
-            str(row["elements"]),
-            row["element"],
-            f"{row['ns']:.1f}",
-            "" if known is None else f"{known:.0f}",
-            "" if known is None else f"{row['ns'] / known:.2f}",
-            "" if shared is None else f"{shared:.1f}",
-            "" if shared is None else f"{row['ns'] / shared:.2f}",
-        )
+        documented = ("", "") if known is None else (f"{known:.0f}", f"{row['ns'] / known:.2f}")
+        faster = ("", "") if shared is None else (f"{shared:.1f}", f"{row['ns'] / shared:.2f}")
+        rows.append((str(row["elements"]), row["element"], f"{row['ns']:.1f}", *documented, *faster))
+    head = ("hexes", "element", "1 thread", "documented", "ratio", f"{threads} threads", "faster")
+    title = f"ns per element and step, float64, {speed['lanes']} lanes, {speed['cores']} cores"
+    shown = printed(title, table(head, rows, "ntnnnnn"))
     spoken = speed["scenario"]
     line = (
         f"{spoken['name']}: {spoken['hexes']} hexahedra, {spoken['steps']} time steps in {1e3 * spoken['loop_s']:.0f} ms, "
         f"{spoken['real_time_factor']:.2f} × real time"
     )
-    return Group(table, line)
+    return Group(shown, line)
 
 
 def speed_notes(speed: SpeedReport) -> list[str]:

@@ -6,10 +6,10 @@ from collections.abc import Iterator
 
 from rich.console import Group
 from rich.markup import escape
-from rich.table import Table
 
+from explicitfe.app.view.page.tables import table
 from explicitfe.app.view.terminal.files import file_lines
-from explicitfe.app.view.terminal.rows import pairs
+from explicitfe.app.view.terminal.rows import pairs, printed
 from explicitfe.results.measure.recording import ComparedAxis, ComparedSensor, RecordingComparison
 
 
@@ -30,20 +30,16 @@ def recording_tables(comparison: RecordingComparison) -> Group:
     head.add_row(
         "time", f"{comparison.rows} rows, {span}; the simulation starts at {comparison.offset_s:.4f} s{fitted} of the recording"
     )
-    table = Table(
-        title="rms distance, and rms after centring the paths; rms and correlation r of coordinates", title_justify="left"
+    axes = ("forward\n(mm, r)", "up\n(mm, r)", "right\n(mm, r)")
+    rows = [(name, point.sensor, *_cells(point)) for name, point in comparison.points.items()]
+    shown = printed(
+        "rms distance, and rms after centring the paths; rms and correlation r of coordinates",
+        table(("point", "sensor", "rms\n(mm)", "centred\n(mm)", *axes), rows, "ttnnnnn"),
     )
-    table.add_column("point", no_wrap=True)
-    table.add_column("sensor", no_wrap=True)
-    planar = all(point.right is None for point in comparison.points.values())
-    for column in ("rms\n(mm)", "centred\n(mm)", "forward\n(mm, r)", "up\n(mm, r)", *(() if planar else ("right\n(mm, r)",))):
-        table.add_column(column, justify="right")
-    for name, point in comparison.points.items():
-        table.add_row(escape(name), escape(point.sensor), *_cells(point))
     files = [("result", comparison.result.result), ("recording", comparison.recording)]
     if comparison.picture is not None:
         files.append(("picture", comparison.picture))
-    return Group(head, table, file_lines(files))
+    return Group(head, shown, file_lines(files))
 
 
 def difference_in_words(comparison: RecordingComparison) -> str:
@@ -57,8 +53,7 @@ def _cells(point: ComparedSensor) -> Iterator[str]:
     yield f"{point.rms_mm:.2f}"
     yield f"{point.centred_rms_mm:.2f}"
     for axis in (point.forward, point.up, point.right):
-        if axis is not None:
-            yield _axis(axis)
+        yield "" if axis is None else _axis(axis)
 
 
 def _axis(axis: ComparedAxis) -> str:

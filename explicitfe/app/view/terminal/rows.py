@@ -12,6 +12,7 @@ from rich.table import Table
 from explicitfe.app.view.terminal.files import file_lines
 
 if TYPE_CHECKING:
+    from explicitfe.app.view.page.tables import PageTable
     from explicitfe.results.documents.run_summary import CheckReport, RunSummary
 
 
@@ -29,6 +30,17 @@ def pairs(title: str) -> Table:
     table = Table(title=escape(title), title_justify="left", show_header=False)
     table.add_column(no_wrap=True)
     table.add_column(overflow="fold")
+    return table
+
+
+def printed(title: str, shown: PageTable | None, caption: str = "") -> Table:
+    """A table of a page in the terminal, without its bars."""
+    table = Table(title=escape(title), title_justify="left", caption=escape(caption) or None, caption_justify="left")
+    columns = [] if shown is None else [(k, one) for k, one in enumerate(shown.columns) if one.kind != "bar"]
+    for k, column in columns:
+        table.add_column(escape(column.head), justify="right" if column.kind == "n" else "left", no_wrap=k == 0, overflow="fold")
+    for row in [] if shown is None else shown.rows:
+        table.add_row(*(escape(str(row.cells[k])) for k, _ in columns), style="bold" if row.chosen else None)
     return table
 
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from rich.console import Group, RenderableType
 from rich.markup import escape
-from rich.table import Table
 
+from explicitfe.app.view.page.tables import table
 from explicitfe.app.view.terminal.files import file_lines
-from explicitfe.app.view.terminal.rows import pairs
+from explicitfe.app.view.terminal.rows import pairs, printed
 from explicitfe.platform.host.shipped import name_of
 from explicitfe.results.documents.sweep_summary import SweepMembers, SweepReport, SweepSummary
 
@@ -35,13 +35,8 @@ def sweep_table(summary: SweepSummary) -> RenderableType:
 
 def runs_table(listed: SweepMembers) -> RenderableType:
     """The runs that are not computed yet."""
-    table = Table(title=escape(f"runs to compute for {listed['sweep']}"), title_justify="left")
-    table.add_column("run", justify="right")
-    table.add_column("name")
-    table.add_column("settings", overflow="fold")
-    for run in listed["members"]:
-        table.add_row(str(run["member"]), run["name"], escape(" ".join(run["settings"])))
-    return table
+    rows = [(str(run["member"]), run["name"], " ".join(run["settings"])) for run in listed["members"]]
+    return printed(f"runs to compute for {listed['sweep']}", table(("run", "name", "settings"), rows, "ntt"))
 
 
 def sweep_report_table(answer: SweepReport) -> RenderableType:

@@ -76,10 +76,11 @@ def motion_on_page(report: LoopReport) -> MotionOnPage | None:
         note += (
             f" Repeats: rms distance of a marker between two repeats of the test, from {pairs} pair{'s' if pairs > 1 else ''}."
         )
-    return MotionOnPage(_error_table(report), _feature_table(report), note)
+    return MotionOnPage(error_table(report), _feature_table(report), note)
 
 
-def _error_table(report: LoopReport) -> PageTable | None:
+def error_table(report: LoopReport) -> PageTable | None:
+    """The errors of curves with markers, next to the scatter of repeats."""
     changed, errors = has_changed(report), motion_errors(report)
     largest = max((x for row in errors for x in (row.before, row.after, row.repeats) if finite(x)), default=0.0)
     rows = [

@@ -22,7 +22,7 @@ from rich.console import Console
 from explicitfe.app.view.page.close_loop import pictures
 from explicitfe.app.view.page.close_loop.axis import goes_one_way
 from explicitfe.app.view.page.close_loop.page import html, loop_charts, write
-from explicitfe.app.view.page.close_loop.reading import DrawnCurve, drawn_curves
+from explicitfe.app.view.page.close_loop.reading import drawn_curves
 from explicitfe.app.view.page.words import chance, with_interval
 from explicitfe.app.view.terminal.close_loop import loop_tables
 from explicitfe.results.documents.loop_report import Estimate, LoopReport, ReportCurve, ReportedCause
@@ -420,7 +420,7 @@ def page_of(report: dict[str, Any], curves: list[dict[str, Any]]) -> str:
     return html(document, rows, loop_charts(document, rows))
 
 
-def drawn(curves: list[dict[str, Any]]) -> list[DrawnCurve]:
+def drawn(curves: list[dict[str, Any]]) -> list[ReportCurve]:
     return drawn_curves([ReportCurve(**curve) for curve in curves])
 
 

@@ -222,7 +222,7 @@ def printed(report: LoopReport) -> str:
 def test_the_terminal_has_the_errors() -> None:
     text = " ".join(printed(moving_report()[0]).replace("│", " ").split())
     error = motion_errors(moving_report()[0])[0]
-    assert f"load 2, held out {error.before:.2f} {error.after:.3f} 0.260" in text
+    assert f"load 2 held out {error.before:.2f} {error.after:.3f} 0.260" in text
 
 
 def test_the_film_shows_the_held_out_curve_with_the_largest_motion() -> None:

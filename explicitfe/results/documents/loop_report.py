@@ -7,8 +7,7 @@ that were set are written.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
@@ -396,12 +395,12 @@ class LoopReport(Document, ReportPart):
     files: Entries[str] = []
 
 
-Column = np.ndarray | Sequence[float | None] | None
-
-
 @dataclass(frozen=True, eq=False)
 class ReportCurve:
-    """One curve of the report's pictures, in the units of its axes.
+    """One curve of the report's charts, in the units of its axes.
+
+    Columns may be given as lists. They become arrays with NaN where a number is missing, or None where no number is finite;
+    ``measured`` is empty then.
 
     Attributes
     ----------
@@ -412,11 +411,25 @@ class ReportCurve:
 
     id: str = ""
     split: Side | None = None
-    x_label: str | None = None
-    y_label: str | None = None
-    time_s: Column = None
-    x: Column = None
-    measured: Column = None
-    before: Column = None
-    after: Column = None
-    sd: Column = None
+    x_label: str = ""
+    y_label: str = ""
+    time_s: np.ndarray | None = None
+    x: np.ndarray | None = None
+    measured: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    before: np.ndarray | None = None
+    after: np.ndarray | None = None
+    sd: np.ndarray | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("time_s", "x", "measured", "before", "after", "sd"):
+            given = getattr(self, name)
+            column = np.asarray([] if given is None else given, dtype=float)
+            nothing = np.zeros(0) if name == "measured" else None
+            object.__setattr__(self, name, column if np.isfinite(column).any() else nothing)
+        for name in ("id", "x_label", "y_label"):
+            object.__setattr__(self, name, str(getattr(self, name) or ""))
+
+    @property
+    def held_out(self) -> bool:
+        """Whether the fit did not see it."""
+        return self.split == "holdout"

@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from explicitfe.app.view.page.chart import round_ticks
-from explicitfe.app.view.page.close_loop.reading import DrawnCurve
 from explicitfe.app.view.page.words import bare
+from explicitfe.results.documents.loop_report import ReportCurve
 
 # A loading that takes less than this share of the time would be a vertical line: it gets more room ...
 SHORT_LOADING_SHARE = 0.15
@@ -38,13 +38,13 @@ class Abscissa(NamedTuple):
     shaded: Sequence[tuple[float, float]] = ()
 
 
-def abscissa_of(curve: DrawnCurve, over_time: bool = False) -> Abscissa:
+def abscissa_of(curve: ReportCurve, over_time: bool = False) -> Abscissa:
     """Where the rows of a curve lie across: over what is imposed, or over time, of which a short loading is stretched.
 
     The curve is drawn over time where ``over_time`` asks for it, where the imposed quantity turns back or is held, or where it is
     not given.
     """
-    time, imposed = curve.time, curve.imposed
+    time, imposed = curve.time_s, curve.x
     if time is None or (imposed is not None and not over_time and goes_one_way(time, imposed)):
         rows = np.arange(len(curve.measured), dtype=float)
         return Abscissa(rows, "row") if imposed is None else Abscissa(imposed, curve.x_label)

@@ -26,8 +26,9 @@ from explicitfe.app.view.page.close_loop.pictures import (
     residual_charts,
     sensitivity_charts,
 )
-from explicitfe.app.view.page.close_loop.reading import DrawnCurve, drawn_curves, has_changed
+from explicitfe.app.view.page.close_loop.reading import drawn_curves, has_changed
 from explicitfe.app.view.page.frame import page_text
+from explicitfe.app.view.page.tables import table
 from explicitfe.app.view.page.words import smooth_part
 from explicitfe.app.view.palette import save
 from explicitfe.results.documents.loop_report import LoopReport, ReportCurve
@@ -49,7 +50,7 @@ class LoopCharts:
     markers: list[list[Chart | None]]
 
 
-def loop_charts(report: LoopReport, curves: Sequence[DrawnCurve], markers: Sequence[MovingMarkers] = ()) -> LoopCharts:
+def loop_charts(report: LoopReport, curves: Sequence[ReportCurve], markers: Sequence[MovingMarkers] = ()) -> LoopCharts:
     """The charts of a report."""
     return LoopCharts(
         cause_bars(report),
@@ -82,7 +83,7 @@ def write(folder: Path, report: LoopReport, curves: Sequence[ReportCurve], marke
     return [PAGE_FILE, *pictures, *([FILM_FILE, MARKERS_FILE] if film is not None else [])]
 
 
-def html(report: LoopReport, curves: Sequence[DrawnCurve], charts: LoopCharts, film: bytes | None = None) -> str:
+def html(report: LoopReport, curves: Sequence[ReportCurve], charts: LoopCharts, film: bytes | None = None) -> str:
     """The text of the page, from ``page.html.j2`` and ``style.css`` beside this file; ``film`` is a GIF."""
     first = parts.first_screen(report)
     return page_text(
@@ -104,8 +105,11 @@ def html(report: LoopReport, curves: Sequence[DrawnCurve], charts: LoopCharts, f
         constants=parts.constants(report),
         motion=motion_on_page(report),
         noise=parts.noise(report),
+        numerical=parts.numerical(report),
+        scatter=parts.scatter(report),
         assumed=parts.assumed(report),
-        split=parts.split(report),
+        left_out=table(("curve", "why"), report.split.left_out.items(), "tw"),
+        report=report,
         warnings=[text for text in report.warnings if text],
         provenance=parts.provenance(report),
     )

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
 from explicitfe.app.view.page.close_loop.pictures import ROWS_WITHOUT_MEAN
-from explicitfe.app.view.page.close_loop.reading import DrawnCurve, assumed_values, has_changed, mean_error, noise_is_known
+from explicitfe.app.view.page.close_loop.reading import assumed_values, has_changed, mean_error, noise_is_known
 from explicitfe.app.view.page.tables import Bars, PageTable, bars, table
 from explicitfe.app.view.page.words import (
     DASH,
@@ -31,7 +31,7 @@ from explicitfe.app.view.page.words import (
     with_interval,
     worth_of,
 )
-from explicitfe.results.documents.loop_report import LoopReport, ReportedHypothesis, estimates
+from explicitfe.results.documents.loop_report import LoopReport, ReportCurve, ReportedHypothesis, estimates
 from explicitfe.results.documents.report_part import Side
 from explicitfe.results.documents.verdict_text import (
     JOINED_BY,
@@ -56,36 +56,15 @@ HYPOTHESES_SHOWN = 10
 
 
 @dataclass(frozen=True)
-class ScoreNumber:
-    """A large number: ``stage`` is "before" or "after"."""
-
-    stage: str
-    error: str
-    label: str
-
-
-@dataclass(frozen=True)
-class Fact:
-    """A line beside the first picture; ``target`` is the part of the page that it leads to."""
-
-    text: str
-    target: str = ""
-
-
-@dataclass(frozen=True)
-class ErrorScore:
-    """Errors before and after, on held-out curves where there are any."""
-
-    title: str
-    note: str
-    numbers: list[ScoreNumber]
-    bars: Bars | None
-    facts: list[Fact]
-
-
-@dataclass(frozen=True)
 class FirstScreen:
-    """What is seen without scrolling; empty texts are left out."""
+    """What is seen without scrolling; empty texts are left out.
+
+    Attributes
+    ----------
+    title, note : of the errors before and after, on held-out curves where there are any.
+    numbers : "before" or "after", the error, and its label.
+    facts : lines beside the first picture, and the part of the page that each leads to.
+    """
 
     eyebrow: str
     headline: str
@@ -93,42 +72,11 @@ class FirstScreen:
     sentence: str
     next_experiment: str
     left: str
-    score: ErrorScore
-
-
-@dataclass(frozen=True)
-class NextTests:
-    """The test that would settle best what is open, what it is worth, and a table of the next best."""
-
-    best: str
-    worth: str
-    others: PageTable | None
-
-
-@dataclass(frozen=True)
-class NoiseOnPage:
-    """Noise, numerics and the number of independent data."""
-
-    text: str
-    data: str
-    scatter: list[str]
-    rows: PageTable | None
-    numerical: PageTable | None
-
-    def __bool__(self) -> bool:
-        return bool(self.text or self.data or self.scatter or self.rows or self.numerical)
-
-
-@dataclass(frozen=True)
-class SplitOnPage:
-    """Which curves were fitted, held out and left out; ``sides`` is (side, how many, which)."""
-
-    rule: str
-    sides: list[tuple[str, int, str]] = field(default_factory=list)
-    left_out: PageTable | None = None
-
-    def __bool__(self) -> bool:
-        return bool(self.rule or self.sides or self.left_out)
+    title: str
+    note: str
+    numbers: list[tuple[str, str, str]]
+    bars: Bars | None
+    facts: list[tuple[str, str]]
 
 
 def first_screen(report: LoopReport) -> FirstScreen:
@@ -137,19 +85,6 @@ def first_screen(report: LoopReport) -> FirstScreen:
     following = report.next_experiment
     left = [sentence(report.remainder_where), how_sure(report)]
     head = headline(report)
-    return FirstScreen(
-        eyebrow=": ".join(names) or "closed loop",
-        headline=head,
-        is_long=len(head) > LONG_HEADLINE_LETTERS,
-        sentence=details(report),
-        next_experiment=sentence(following.protocol) if following else "",
-        left=" ".join(filter(None, left)),
-        score=_score(report),
-    )
-
-
-def _score(report: LoopReport) -> ErrorScore:
-    """Errors before and after, and the floor, on held-out curves where there are any."""
     held_out = finite(mean_error(report.baseline, "holdout").nrmse)
     side: Side = "holdout" if held_out else "fit"
     changed = has_changed(report)
@@ -163,47 +98,47 @@ def _score(report: LoopReport) -> ErrorScore:
     note = "whole curves that the fit did not see" if held_out else "no curve was held out: this shows the fit, not a prediction"
     before, after = model_names(report)
     labels = [f"before: {before}", f"after: {after}"] if changed else [before]
-    numbers = [
-        ScoreNumber(stage, percent(error), label)
-        for error, label, stage in zip(errors, labels, ("before", "after"), strict=False)
-    ]
+    numbers = [(stage, percent(error), label) for error, label, stage in zip(errors, labels, ("before", "after"), strict=False)]
     largest = max([x for x in (*errors, floor) if finite(x)], default=0.0)
-    return ErrorScore(
-        title,
-        note,
-        numbers if any(map(finite, errors)) else [],
-        bars(errors, floor, largest),
-        _facts(report, side, floor),
+    return FirstScreen(
+        eyebrow=": ".join(names) or "closed loop",
+        headline=head,
+        is_long=len(head) > LONG_HEADLINE_LETTERS,
+        sentence=details(report),
+        next_experiment=sentence(following.protocol) if following else "",
+        left=" ".join(filter(None, left)),
+        title=title,
+        note=note,
+        numbers=numbers if any(map(finite, errors)) else [],
+        bars=bars(errors, floor, largest),
+        facts=_facts(report, side, floor),
     )
 
 
-def _facts(report: LoopReport, side: Side, floor: float | None) -> list[Fact]:
+def _facts(report: LoopReport, side: Side, floor: float | None) -> list[tuple[str, str]]:
     """The lines beside the first picture."""
     changed = has_changed(report)
     models = (report.baseline, report.final) if changed else (report.baseline,)
     rmse = [mean_error(model, side).rmse for model in models]
     facts = []
     if any(map(finite, rmse)):
-        facts.append(Fact(f"That is {' → '.join(number(x, 2) for x in rmse)} {report.unit or ''} root mean square."))
+        facts.append(f"That is {' → '.join(number(x, 2) for x in rmse)} {report.unit or ''} root mean square.")
     if finite(floor):
-        facts.append(Fact(f"Floor {percent(floor)}: what noise and numerics leave by themselves."))
+        facts.append(f"Floor {percent(floor)}: what noise and numerics leave by themselves.")
     if side == "holdout" and finite(mean_error(report.baseline, "fit").nrmse):
         fitted = [percent(mean_error(model, "fit").nrmse) for model in models]
-        facts.append(Fact(f"{plural(len(report.split.fit), 'fitted curve')}: {' → '.join(fitted)}."))
+        facts.append(f"{plural(len(report.split.fit), 'fitted curve')}: {' → '.join(fitted)}.")
     if finite(report.n_eff):
-        facts.append(Fact(f"The fit rests on {count(report.n_eff)} independent data{_of_rows(report)}."))
+        facts.append(f"The fit rests on {count(report.n_eff)} independent data{_of_rows(report)}.")
     for (key, group), estimate in estimates(report.final.parameters).items():
         if changed and "." in key and len(facts) < MOST_FACTS:
             words, unit = name_and_unit(report, key)
             doubt = ", not determined" if key in report.undetermined else ""
-            facts.append(
-                Fact(f"{words}{f' of {group}' if group else ''} {with_interval(estimate)} {unit}".rstrip() + f"{doubt}.")
-            )
-    if report.split.left_out:
-        facts.append(Fact(f"{plural(len(report.split.left_out), 'curve')} left out", "split"))
+            facts.append(f"{words}{f' of {group}' if group else ''} {with_interval(estimate)} {unit}".rstrip() + f"{doubt}.")
+    links = [(f"{plural(len(report.split.left_out), 'curve')} left out", "split")] if report.split.left_out else []
     if warnings := list(filter(None, report.warnings)):
-        facts.append(Fact(plural(len(warnings), "warning"), "warnings"))
-    return facts
+        links.append((plural(len(warnings), "warning"), "warnings"))
+    return [*((text, "") for text in facts), *links]
 
 
 def _of_rows(report: LoopReport) -> str:
@@ -262,8 +197,8 @@ def hypotheses(report: LoopReport) -> list[PageTable | None]:
     return [table(head, every[part], "tntnnww", marks[part]) for part in parts] if every else []
 
 
-def next_tests(report: LoopReport) -> NextTests | None:
-    """The tests that would settle best what is open; None without any."""
+def next_tests(report: LoopReport) -> tuple[str, str, PageTable | None] | None:
+    """The test that would settle best what is open, what it is worth, and a table of the next best; None without any."""
     proposed = report.proposed_tests or ([report.next_experiment] if report.next_experiment else [])
     tests = [one for one in proposed if one.protocol]
     if not tests:
@@ -279,10 +214,10 @@ def next_tests(report: LoopReport) -> NextTests | None:
         for one in tests
     ]
     head = ("further tests", "distinguishes", "information gain (bits)", "duration (min)", "repeats")
-    return NextTests(rows[0][0], sentence(worth_of(tests[0], report)), table(head, rows[1:], "wtnnn"))
+    return rows[0][0], sentence(worth_of(tests[0], report)), table(head, rows[1:], "wtnnn")
 
 
-def residual_caption(curves: Sequence[DrawnCurve]) -> str:
+def residual_caption(curves: Sequence[ReportCurve]) -> str:
     """What stands below the picture of what is left."""
     known = noise_is_known(curves)
     unit = "standard deviations of the noise" if known else "per cent of the largest measured value"
@@ -349,35 +284,32 @@ def constants(report: LoopReport) -> PageTable | None:
     return table(head, rows, "ttnnw")
 
 
-def noise(report: LoopReport) -> NoiseOnPage:
-    """Noise, numerics and the number of independent data."""
-    unit = report.unit or ""
+def noise(report: LoopReport) -> PageTable | None:
+    """Noise of the rows of each curve."""
+    unit = f" ({report.unit})" if report.unit else ""
     source = {True: "stated with the data", False: "estimated", None: DASH}
     rows = [
         (row.curve, number(row.sd, 2), number(row.rho, 2), source[row.stated], count(row.n), count(row.n_eff))
         for row in report.noise.rows
     ]
-    head = (
-        "curve",
-        f"noise of a row, sd ({unit})" if unit else "noise of a row, sd",
-        "correlation of rows",
-        "noise is",
-        "rows",
-        "independent data",
-    )
-    numerical = [(row.what, percent(row.share_of_noise)) for row in report.noise.numerical]
-    scatter = []
+    head = ("curve", f"noise of a row, sd{unit}", "correlation of rows", "noise is", "rows", "independent data")
+    return table(head, rows, "tnntnn")
+
+
+def numerical(report: LoopReport) -> PageTable | None:
+    """Numerical errors next to the noise."""
+    rows = [(row.what, percent(row.share_of_noise)) for row in report.noise.numerical]
+    return table(("numerics: change of the prediction with", "share of the noise"), rows, "tn")
+
+
+def scatter(report: LoopReport) -> list[str]:
+    """The number of independent data and the scatter of whole curves, in words."""
+    lines = [f"{count(report.n_eff)} independent data{_of_rows(report)}."] if finite(report.n_eff) else []
     if finite(report.noise.scale_sd):
-        scatter.append(f"Scatter of whole curves in scale: {percent(report.noise.scale_sd)}.")
+        lines.append(f"Scatter of whole curves in scale: {percent(report.noise.scale_sd)}.")
     if finite(report.noise.offset_sd):
-        scatter.append(f"Scatter of whole curves in offset: {number(report.noise.offset_sd, 2)} {unit}.")
-    return NoiseOnPage(
-        report.noise.text,
-        f"{count(report.n_eff)} independent data{_of_rows(report)}." if finite(report.n_eff) else "",
-        scatter,
-        table(head, rows, "tnntnn"),
-        table(("numerics: change of the prediction with", "share of the noise"), numerical, "tn"),
-    )
+        lines.append(f"Scatter of whole curves in offset: {number(report.noise.offset_sd, 2)} {report.unit or ''}.")
+    return lines
 
 
 def assumed(report: LoopReport) -> PageTable | None:
@@ -395,16 +327,6 @@ def assumed(report: LoopReport) -> PageTable | None:
         for position, row in enumerate(values)
     ]
     return table(("assumed", "value", "verdict", "effects", "error of the fit", "parameters"), rows, "tnttnw")
-
-
-def split(report: LoopReport) -> SplitOnPage:
-    """Which curves were fitted, held out and left out."""
-    sides = [("Fitted", report.split.fit), ("Held out", report.split.holdout)]
-    return SplitOnPage(
-        report.split.rule,
-        [(side, len(names), ", ".join(names)) for side, names in sides if names],
-        table(("curve", "why"), report.split.left_out.items(), "tw"),
-    )
 
 
 def provenance(report: LoopReport) -> PageTable | None:

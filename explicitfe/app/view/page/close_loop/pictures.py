@@ -13,10 +13,10 @@ import scipy
 from explicitfe.app.view.chart_figure import draw_charts
 from explicitfe.app.view.page.chart import COLOUR_COUNT, Chart, Line, chart
 from explicitfe.app.view.page.close_loop.axis import abscissa_of, spread_rows
-from explicitfe.app.view.page.close_loop.reading import DrawnCurve, assumed_values, has_changed, noise_is_known
+from explicitfe.app.view.page.close_loop.reading import assumed_values, has_changed, noise_is_known
 from explicitfe.app.view.page.words import bare, finite, model_names, percent, quantity, shortened
 from explicitfe.app.view.palette import AFTER, BEFORE, COLOURS, new_figure, plain
-from explicitfe.results.documents.loop_report import AssumedValue, LoopReport, estimates
+from explicitfe.results.documents.loop_report import AssumedValue, LoopReport, ReportCurve, estimates
 from explicitfe.results.documents.verdict_text import NOTHING, cause_title, named_forms, probability
 
 if TYPE_CHECKING:
@@ -128,7 +128,7 @@ def _only_words(figure: Figure, words: str) -> Figure:
     return figure
 
 
-def _models(report: LoopReport, curve: DrawnCurve) -> Iterator[tuple[str, np.ndarray, int, int]]:
+def _models(report: LoopReport, curve: ReportCurve) -> Iterator[tuple[str, np.ndarray, int, int]]:
     """Name, answer, colour and kind of line of each model."""
     changed, names = has_changed(report), model_names(report)
     if curve.before is not None:
@@ -137,7 +137,7 @@ def _models(report: LoopReport, curve: DrawnCurve) -> Iterator[tuple[str, np.nda
         yield f"after: {names[1]}", curve.after, AFTER_COLOUR, 0
 
 
-def curve_charts(report: LoopReport, curves: Sequence[DrawnCurve]) -> list[Chart]:
+def curve_charts(report: LoopReport, curves: Sequence[ReportCurve]) -> list[Chart]:
     """The most telling curves, measured and by each model."""
     charts = []
     for curve in curves[:CURVES_SHOWN_FIRST]:
@@ -145,21 +145,21 @@ def curve_charts(report: LoopReport, curves: Sequence[DrawnCurve]) -> list[Chart
         dots = spread_rows(at.x, measured, MOST_DOTS_OF_A_CURVE)
         lines = [Line(name, at.x, values, colour=colour, dash=dash) for name, values, colour, dash in _models(report, curve)]
         lines.append(Line("measured", at.x[dots], measured[dots], "dots", DATA_COLOUR))
-        title = f"{shortened(curve.name, 58)}, {_score(report, curve)}"
+        title = f"{shortened(curve.id, 58)}, {_score(report, curve)}"
         charts.append(chart(title, lines, x_label=at.label, y_label=curve.y_label, x_marks=at.marks, spans=at.shaded))
     return [one for one in charts if one is not None]
 
 
-def _score(report: LoopReport, curve: DrawnCurve) -> str:
+def _score(report: LoopReport, curve: ReportCurve) -> str:
     """Which part of the split a curve is, and its errors."""
     models = (report.baseline, report.final) if has_changed(report) else (report.baseline,)
-    rows = [model.error.curves.get(curve.name) for model in models]
+    rows = [model.error.curves.get(curve.id) for model in models]
     errors = [row and row.nrmse for row in rows]
     text = f": error {' → '.join(percent(x) for x in errors)}" if all(map(finite, errors)) else ""
     return f"{'held out' if curve.held_out else 'fitted'}{text}"
 
 
-def residual_charts(report: LoopReport, curves: Sequence[DrawnCurve]) -> list[Chart]:
+def residual_charts(report: LoopReport, curves: Sequence[ReportCurve]) -> list[Chart]:
     """Measured minus model of all curves over time, in standard deviations of the noise where all are known."""
     in_noise = noise_is_known(curves)
     residuals = [_residuals(report, curve, in_noise) for curve in curves]
@@ -183,7 +183,7 @@ def residual_charts(report: LoopReport, curves: Sequence[DrawnCurve]) -> list[Ch
             lines = [replace(line, y=_by_logarithm(line.y), y_high=edge) for line, edge in zip(lines, high, strict=True)]
         if charts:  # one legend serves all
             lines = [replace(line, name="") for line in lines]
-        title = f"{'held out: ' if curve.held_out else ''}{shortened(curve.name, 40)}"
+        title = f"{'held out: ' if curve.held_out else ''}{shortened(curve.id, 40)}"
         ends = np.array([-reach, reach])
         low, high_end = (_by_logarithm(ends) if is_scaled else ends).tolist()
         charts.append(
@@ -201,9 +201,9 @@ def residual_charts(report: LoopReport, curves: Sequence[DrawnCurve]) -> list[Ch
     return [one for one in charts if one is not None]
 
 
-def _residuals(report: LoopReport, curve: DrawnCurve, in_noise: bool) -> list[Line]:
+def _residuals(report: LoopReport, curve: ReportCurve, in_noise: bool) -> list[Line]:
     """Lines over the rows of a curve; that of many rows is their running mean, in a band of the extremes."""
-    scale = curve.noise if in_noise else np.nanmax(np.abs(curve.measured)) / 100.0 or 1.0
+    scale = curve.sd if in_noise else np.nanmax(np.abs(curve.measured)) / 100.0 or 1.0
     rows, lines = np.arange(len(curve.measured), dtype=float), []
     for name, model, colour, dash in _models(report, curve):
         residual = (curve.measured - model) / scale

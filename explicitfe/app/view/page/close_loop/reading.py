@@ -4,68 +4,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
-from explicitfe.results.documents.loop_report import AssumedValue, Column, LoopReport, MeanError, ReportCurve, ReportedModel
+from explicitfe.results.documents.loop_report import AssumedValue, LoopReport, MeanError, ReportCurve, ReportedModel
 from explicitfe.results.documents.report_part import Side
 
 
-@dataclass(frozen=True, eq=False)
-class DrawnCurve:
-    """A curve as arrays in the units of its axes, each (n,) with NaN where a number is missing; None where all are.
-
-    Attributes
-    ----------
-    time, imposed : when, and what the test imposed.
-    before, after : what the baseline and the final model answer.
-    noise : of a row, one standard deviation.
-    """
-
-    name: str
-    held_out: bool
-    x_label: str
-    y_label: str
-    time: np.ndarray | None
-    imposed: np.ndarray | None
-    measured: np.ndarray
-    before: np.ndarray | None
-    after: np.ndarray | None
-    noise: np.ndarray | None
-
-
-def _array(values: Column) -> np.ndarray | None:
-    """A column as an array; None where no number is finite."""
-    array = np.asarray([] if values is None else values, dtype=float)
-    return array if np.isfinite(array).any() else None
-
-
-def drawn_curves(curves: Sequence[ReportCurve]) -> list[DrawnCurve]:
+def drawn_curves(curves: Sequence[ReportCurve]) -> list[ReportCurve]:
     """The curves that were measured: held-out ones first, then those that tell most.
 
     A curve tells most where the models before and after differ most, or, if they are the same, where the misfit is largest.
     """
-    arrays = []
-    for curve in curves:
-        measured = _array(curve.measured)
-        if measured is not None:
-            arrays.append(
-                DrawnCurve(
-                    str(curve.id or ""),
-                    curve.split == "holdout",
-                    str(curve.x_label or ""),
-                    str(curve.y_label or ""),
-                    _array(curve.time_s),
-                    _array(curve.x),
-                    measured,
-                    _array(curve.before),
-                    _array(curve.after),
-                    _array(curve.sd),
-                )
-            )
 
-    def by_what_it_tells(curve: DrawnCurve) -> tuple[bool, float]:
+    def by_what_it_tells(curve: ReportCurve) -> tuple[bool, float]:
         score = 0.0
         if curve.before is not None:
             after = curve.after
@@ -73,12 +25,12 @@ def drawn_curves(curves: Sequence[ReportCurve]) -> list[DrawnCurve]:
             score = float(np.nanmean((curve.before - other) ** 2) / (np.nanmax(np.abs(curve.measured)) ** 2 or 1.0))
         return not curve.held_out, -score if math.isfinite(score) else 0.0
 
-    return sorted(arrays, key=by_what_it_tells)
+    return sorted((curve for curve in curves if len(curve.measured)), key=by_what_it_tells)
 
 
-def noise_is_known(curves: Sequence[DrawnCurve]) -> bool:
+def noise_is_known(curves: Sequence[ReportCurve]) -> bool:
     """Whether the noise of every row of every curve is known."""
-    return all(curve.noise is not None and bool((curve.noise > 0.0).all()) for curve in curves)
+    return all(curve.sd is not None and bool((curve.sd > 0.0).all()) for curve in curves)
 
 
 def mean_error(model: ReportedModel, side: Side) -> MeanError:

@@ -138,6 +138,8 @@ def chart(
     y_marks: Sequence[tuple[float, str]] = (),
     reversed_axes: bool = False,
     words: Sequence[tuple[float, float, str, int]] = (),
+    alike: Sequence[Line] = (),
+    numerical: bool = False,
 ) -> Chart | None:
     """A chart of some series; None where no number is finite.
 
@@ -149,18 +151,21 @@ def chart(
     x_marks, y_marks : places on the axis and their labels; round numbers if left out.
     reversed_axes : whether both axes run to the left and down.
     words : written into the chart: x, y, text, number of the colour.
+    alike : series of other charts, for which the axes have room as well.
     """
     if logarithmic:
-        series = [replace(one, y=np.log10(np.where(one.y > 0.0, one.y, np.nan))) for one in series]
+        series, alike = (
+            [replace(one, y=np.log10(np.where(one.y > 0.0, one.y, np.nan))) for one in lines] for lines in (series, alike)
+        )
         y_range = None if y_range is None else (math.log10(y_range[0]), math.log10(y_range[1]))
     kept = [one for one in series if (np.isfinite(one.x) & np.isfinite(one.y)).any()]
     if not kept:
         return None
     has_dots = any(one.drawn == "dots" for one in kept)
     # Samples of which only one can be drawn, such as a share that is undefined at rest, span no range.
-    across = [np.array(x_range)] if x_range else [one.x for one in kept]
+    across = [np.array(x_range)] if x_range else [one.x for one in (*kept, *alike)]
     left, right = _span(across, DOT_MARGIN_SHARE if has_dots and not x_range else 0.0)
-    with_zero = [reached(one) for one in kept]
+    with_zero = [reached(one) for one in (*kept, *alike)]
     bottom, top = _span([*with_zero, np.array(y_range or [])], MARGIN_SHARE)
     x_marks = x_marks or list(zip(*round_ticks(left, right), strict=True))
     y_marks = y_marks or list(zip(*(_decades(bottom, top) if logarithmic else round_ticks(bottom, top)), strict=True))
@@ -191,6 +196,7 @@ def chart(
         spans,
         follows,
         logarithmic,
+        numerical,
         words=[Word(_percent(x, left, right), _percent(y, bottom, top), text, colour) for x, y, text, colour in words],
     )
 

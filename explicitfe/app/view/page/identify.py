@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -21,25 +20,6 @@ from explicitfe.results.documents.identification import Identification, Identifi
 CHI2_RISE_95_PERCENT = 3.84
 HIGHEST_RISE = 10.0  # that is shown
 SIDES_OF_A_FIT = {"holdout": "held out", "fit": "fitted"}
-
-
-@dataclass(frozen=True)
-class GroupOnPage:
-    """Curves that share their constants, as the page shows them; ``message`` is the reason if there are none."""
-
-    name: str
-    message: str
-    headline: str
-    constants: PageTable | None
-    widened: str
-    law: str
-    laws: PageTable | None
-    charts: list[Chart]
-    profiles: list[Chart]
-    curves: PageTable | None
-    hides: PageTable | None
-    facts: dict[str, str]
-    warnings: list[str]
 
 
 def constant_name(key: str) -> str:
@@ -66,7 +46,8 @@ def identify_page(
     method = "" if identification["method"] == "least-squares" else f" --method {identification['method']}"
     method += "" if identification["law"] == "yeoh" else f" --law {identification['law']}"
     title = identification["title"] or identification["dataset"]
-    conclusion, _, reasons = groups[0].headline.partition(". ") if len(groups) == 1 else ("", "", "")
+    headline = next(iter(identification["groups"].values())).get("headline", "") if len(groups) == 1 else ""
+    conclusion, _, reasons = headline.partition(". ")
     return page_text(
         "page/identify.html.j2",
         title=conclusion.rstrip(".") or title,
@@ -81,24 +62,27 @@ def identify_page(
     )
 
 
-def _group(name: str, group: IdentifiedGroup, curves: Sequence[FittedCurve], profiles: Sequence[ConstantProfile]) -> GroupOnPage:
+def _group(
+    name: str, group: IdentifiedGroup, curves: Sequence[FittedCurve], profiles: Sequence[ConstantProfile]
+) -> dict[str, object]:
+    """Curves that share their constants, as the page shows them; ``message`` is the reason if there are none."""
     widened_by = group.get("widened_by", 1.0)
     widened = f"The intervals are {number(widened_by, 2)} times wider than from independent noise alone."
-    return GroupOnPage(
-        name=name,
-        message=group.get("message", "") if "constants" not in group else "",
-        headline=group.get("headline", ""),
-        constants=_constants(group),
-        widened=widened if widened_by > 1.0 else "",
-        law=group.get("law", ""),
-        laws=laws_table(group),
-        charts=charts_of_curves([_drawn(curve) for curve in curves]),
-        profiles=[drawn for profile in profiles if (drawn := profile_chart(profile)) is not None],
-        curves=curves_table(group),
-        hides=hides_table(group),
-        facts=dict(facts_of(group)),
-        warnings=group.get("warnings", []),
-    )
+    return {
+        "name": name,
+        "message": group.get("message", "") if "constants" not in group else "",
+        "headline": group.get("headline", ""),
+        "constants": _constants(group),
+        "widened": widened if widened_by > 1.0 else "",
+        "law": group.get("law", ""),
+        "laws": laws_table(group),
+        "charts": charts_of_curves([_drawn(curve) for curve in curves]),
+        "profiles": [drawn for profile in profiles if (drawn := profile_chart(profile)) is not None],
+        "curves": curves_table(group),
+        "hides": hides_table(group),
+        "facts": dict(facts_of(group)),
+        "warnings": group.get("warnings", []),
+    }
 
 
 def _constants(group: IdentifiedGroup) -> PageTable | None:

@@ -89,7 +89,7 @@ def errors_table(prediction: Prediction) -> PageTable | None:
             SIDES[curve.split],
             percent(curve.nrmse),
             f"{number(curve.rmse)} {curve.unit}" if finite(curve.rmse) else "",
-            f"{curve.seconds:.2f} s",
+            f"{curve.seconds:.2f} s" if finite(curve.seconds) else "",
             bars([None, curve.nrmse], None, largest),
         )
         for name, curve in _in_order(prediction)

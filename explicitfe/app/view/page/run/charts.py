@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import zip_longest
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -12,7 +13,7 @@ from explicitfe.app.view.energy_balance import energy_balance
 from explicitfe.app.view.hourglass import hourglass_share
 from explicitfe.app.view.mouth import is_mouth
 from explicitfe.app.view.muscles import activation, muscle_name, muscles_of, on_times
-from explicitfe.app.view.page.chart import COLOUR_COUNT, Chart, Line, chart, reached
+from explicitfe.app.view.page.chart import COLOUR_COUNT, Chart, Line, chart
 from explicitfe.results.documents.run_summary import kind_of
 from explicitfe.results.files import Result
 from explicitfe.results.measure.document import Measures
@@ -30,18 +31,12 @@ COLOUR_OF_WORK = COLOUR_COUNT - 1
 BALANCE_TITLE = "Energy balance: stored (dark) and dissipated (pale) energies add up to the external work (line)"
 
 
-@dataclass(frozen=True, eq=False)
-class PlannedChart:
-    """Contents of a chart, before it gets the axes that it shares with the same chart of other results."""
+class PlannedChart(NamedTuple):
+    """Title, series and other arguments of a chart, which shares its axes with the same chart of other results."""
 
     title: str
-    y_label: str
     series: list[Line]
-    x_label: str
-    follows: str
-    spans: list[tuple[float, float]]
-    logarithmic: bool = False
-    numerical: bool = False
+    rest: dict[str, Any]
 
 
 def charts_of(results: Sequence[Result], measured: Sequence[Measures | None] = ()) -> list[list[Chart]]:
@@ -50,31 +45,13 @@ def charts_of(results: Sequence[Result], measured: Sequence[Measures | None] = (
     ``measured`` are measures of each at its last step, which have the leak over time.
     """
     plans = [_plans(result, measures) for result, measures in zip_longest(results, measured)]
-    return [[drawn for plan in own if (drawn := _draw(plan, _alike(plan, plans))) is not None] for own in plans]
-
-
-def _alike(plan: PlannedChart, plans: Sequence[Sequence[PlannedChart]]) -> list[Line]:
-    """The series of all charts of this title."""
-    return [series for own in plans for other in own if other.title == plan.title for series in other.series]
-
-
-def _draw(plan: PlannedChart, alike: Sequence[Line]) -> Chart | None:
-    x, y = np.concatenate([one.x for one in alike]), np.concatenate([reached(one) for one in alike])
-    kept = np.isfinite(y) & ((y > 0.0) | (not plan.logarithmic))
-    if not kept.any():
-        return None
-    drawn = chart(
-        plan.title,
-        plan.series,
-        x_label=plan.x_label,
-        y_label=plan.y_label,
-        x_range=(float(np.nanmin(x)), float(np.nanmax(x))),
-        y_range=(float(y[kept].min()), float(y[kept].max())),
-        logarithmic=plan.logarithmic,
-        spans=plan.spans,
-        follows=plan.follows,
-    )
-    return None if drawn is None else replace(drawn, numerical=plan.numerical)
+    alike: dict[str, list[Line]] = {}
+    for plan in (plan for own in plans for plan in own):
+        alike.setdefault(plan.title, []).extend(plan.series)
+    return [
+        [drawn for title, lines, rest in own if (drawn := chart(title, lines, alike=alike[title], **rest)) is not None]
+        for own in plans
+    ]
 
 
 def _plans(result: Result, measures: Measures | None) -> list[PlannedChart]:
@@ -91,7 +68,8 @@ def _time_charts(result: Result, measures: Measures | None) -> list[PlannedChart
 
     def add(title: str, y_label: str, series: list[Line], logarithmic: bool = False, numerical: bool = False) -> None:
         if series:
-            plans.append(PlannedChart(title, y_label, series, TIME_LABEL, "time", spans, logarithmic, numerical))
+            axes = {"x_label": TIME_LABEL, "y_label": y_label, "follows": "time", "spans": spans}
+            plans.append(PlannedChart(title, series, {**axes, "logarithmic": logarithmic, "numerical": numerical}))
 
     add(f"Leak: widest open way (dashed: closed below {1e3 * TOUCHING_GAP_M:g} mm)", "mm", _leak_lines(result, measures))
     courses = [(muscle, *activation(muscle, times[-1])) for muscle in muscles]
@@ -179,7 +157,8 @@ def _leak_lines(result: Result, measures: Measures | None) -> list[Line]:
 
 
 def _tool_charts(result: Result) -> list[PlannedChart]:
-    return [PlannedChart("Tool force (whole tool)", "N", tool_lines(result), TOOL_LABEL, "indentation", [])]
+    axes = {"x_label": TOOL_LABEL, "y_label": "N", "follows": "indentation"}
+    return [PlannedChart("Tool force (whole tool)", tool_lines(result), axes)]
 
 
 def tool_lines(result: Result) -> list[Line]:

@@ -14,7 +14,7 @@ from explicitfe.app.view.page.sweep.heat_map import heat_maps
 from explicitfe.app.view.page.sweep.scatter import scatter_of
 from explicitfe.app.view.page.tables import PageTable, table
 from explicitfe.app.view.page.words import bare, count, finite, number, plural
-from explicitfe.results.documents.sweep_to_draw import DrawnMember, MeasureIndices, SweepColumn, SweepToDraw
+from explicitfe.results.documents.sweep_to_draw import MeasureIndices, SweepColumn, SweepToDraw
 
 # Margin around the outlines, as a share of their extent.
 AROUND_OUTLINES_SHARE = 0.04
@@ -35,31 +35,6 @@ KINDS_OF_INDICES = ("total", "first", "effect")
 
 
 @dataclass(frozen=True)
-class OutlineOnPage:
-    """The outline of a run as SVG paths, with its caption."""
-
-    number: int
-    body: str
-    at_rest: str
-    palate: str
-    settings: list[tuple[str, str]]
-    left_out: int
-    remark: str
-
-
-@dataclass(frozen=True)
-class OutlinesOnPage:
-    """All outlines in one frame: ``box`` is the view box, ``cloud`` the overlay with its ``opacity``."""
-
-    box: str
-    members: list[OutlineOnPage]
-    cloud: list[str]
-    opacity: str
-    has_palate: bool
-    has_rest: bool
-
-
-@dataclass(frozen=True)
 class IntervalBar:
     """A bar of an index with its interval, all in % of the width, and the number in words."""
 
@@ -68,15 +43,6 @@ class IntervalBar:
     low: str
     width: str
     words: str
-
-
-@dataclass(frozen=True)
-class IndicesOnPage:
-    """The indices of one measure: rows of a factor and its bars, and the value at the right end of the bars."""
-
-    title: str
-    rows: list[tuple[str, list[IntervalBar]]]
-    scale: str
 
 
 def sweep_page(sweep: SweepToDraw) -> tuple[str, int]:
@@ -91,7 +57,11 @@ def sweep_page(sweep: SweepToDraw) -> tuple[str, int]:
         sweep=sweep,
         numbers=list(_numbers(sweep)),
         factors=_factors(sweep.factors),
-        outlines=_outlines(sweep),
+        box=_box(sweep),
+        path=_path,
+        opacity=f"{np.clip(OPACITY_OF_ONE_LINE / max(1, len(sweep.outlines)) ** 0.5, *OPACITY_RANGE):.2f}",
+        has_rest=any(len(member.at_rest) for member in sweep.drawn),
+        most_settings=MOST_SETTINGS_SHOWN,
         effects=effects,
         # With one factor there is one chart per measure, and all of them are visible at once.
         single=[replace(effect.charts[0], title=effect.title, y_label="") for effect in effects]
@@ -162,54 +132,31 @@ def _shares(sweep: SweepToDraw) -> PageTable | None:
     return table(head, [row for row in rows if any(row[1:])], "t" + "n" * len(factors))
 
 
-def _outlines(sweep: SweepToDraw) -> OutlinesOnPage | None:
-    """Outlines in one frame, with the nearby parts of the palates."""
+def _box(sweep: SweepToDraw) -> str:
+    """The view box of all outlines, with the nearby parts of the palates; "" without outlines."""
     if not sweep.drawn:
-        return None
+        return ""
     bodies = [member.outline for member in sweep.drawn] + [m.at_rest for m in sweep.drawn if len(m.at_rest)] + sweep.outlines
     points = np.concatenate(bodies)
     low, high = points.min(axis=0), points.max(axis=0)
-    palates = [member.palate for member in sweep.drawn if len(member.palate)]
-    for palate in palates:
+    for palate in [member.palate for member in sweep.drawn if len(member.palate)]:
         near = palate[(palate[:, 0] > low[0] - BESIDE_THE_TONGUE_MM) & (palate[:, 0] < high[0] + BESIDE_THE_TONGUE_MM)]
         if len(near):
             low, high = np.minimum(low, near.min(axis=0)), np.maximum(high, near.max(axis=0))
     around = AROUND_OUTLINES_SHARE * float((high - low).max())
     low, high = low - around, high + around
-    has_rest = any(len(member.at_rest) for member in sweep.drawn)
-    first = sweep.drawn[0].outline
-    members = [_outline(member if has_rest else replace(member, at_rest=first)) for member in sweep.drawn]
-    return OutlinesOnPage(
-        f"{low[0]:.2f} {-high[1]:.2f} {high[0] - low[0]:.2f} {high[1] - low[1]:.2f}",
-        members,
-        [_path(outline, closed=True) for outline in sweep.outlines],
-        f"{np.clip(OPACITY_OF_ONE_LINE / max(1, len(sweep.outlines)) ** 0.5, *OPACITY_RANGE):.2f}",
-        any(member.palate for member in members),
-        has_rest,
-    )
+    return f"{low[0]:.2f} {-high[1]:.2f} {high[0] - low[0]:.2f} {high[1] - low[1]:.2f}"
 
 
-def _outline(member: DrawnMember) -> OutlineOnPage:
-    return OutlineOnPage(
-        member.number,
-        _path(member.outline, closed=True),
-        _path(member.at_rest, closed=True),
-        _path(member.palate, closed=False),
-        member.settings[:MOST_SETTINGS_SHOWN],
-        max(0, len(member.settings) - MOST_SETTINGS_SHOWN),
-        member.remark,
-    )
-
-
-def _path(points: np.ndarray, *, closed: bool) -> str:
+def _path(points: np.ndarray, closed: bool = True) -> str:
     """Points (k, 2) mm as an SVG path, whose y axis points down; "" without points."""
     if not len(points):
         return ""
     return "M" + "L".join(f"{x:.2f} {-z:.2f}" for x, z in points) + ("Z" if closed else "")
 
 
-def _indices(measure: MeasureIndices) -> IndicesOnPage:
-    """Bars with one scale for all factors: shares up to 1, effects up to the end of the longest interval."""
+def _indices(measure: MeasureIndices) -> tuple[str, list[tuple[str, list[IntervalBar]]], str]:
+    """Title, factors with their bars, and the value at the right end of the bars: 1 for shares, or the longest interval."""
     is_share = all("effect" not in factor.values for factor in measure.factors)
     reach = max((abs(value) + half for factor in measure.factors for value, half in factor.values.values()), default=0.0)
     whole = 1.0 if is_share or not (finite(reach) and reach > ROUNDING_OF_A_BAR) else reach
@@ -220,7 +167,7 @@ def _indices(measure: MeasureIndices) -> IndicesOnPage:
         )
         for factor in measure.factors
     ]
-    return IndicesOnPage(measure.measure, rows, f"{bare(whole)}{f' {measure.unit}' if measure.unit else ''}")
+    return measure.measure, rows, f"{bare(whole)}{f' {measure.unit}' if measure.unit else ''}"
 
 
 def _bar(kind: str, value: float, half: float, whole: float) -> IntervalBar:

@@ -115,7 +115,7 @@ def laws_table(group: IdentifiedGroup) -> PageTable | None:
         held_out = row["held_out_nrmse"]
         differences = (number(row[key], 3) if finite(row[key]) else "" for key in ("aicc_difference", "bic_difference"))
         modulus = f"{number(row['shear_modulus_Pa'], 4)} Pa"
-        rows.append((row["law"], modulus, percent(row["nrmse"]), percent(held_out) if finite(held_out) else "", *differences))
+        rows.append((row["law"], modulus, _share(row["nrmse"]), _share(held_out) if finite(held_out) else "", *differences))
     return table(("law", "shear modulus", "misfit", "held-out error", "ΔAICc", "ΔBIC"), rows, "tnnnnn")
 
 
@@ -174,15 +174,21 @@ def curves_table(group: IdentifiedGroup) -> PageTable | None:
         (
             name,
             SIDES_OF_A_FIT[row["split"]],
-            f"{row['rows']}" + (f" (+{row['rows_left_out']} not used)" if row["rows_left_out"] else ""),
+            f"{row['rows']}",
+            f"{row['rows_left_out']}" if row["rows_left_out"] else "",
             f"{number(row['rmse'])} {row['unit']}",
-            percent(row["nrmse"]),
+            _share(row["nrmse"]),
             f"{number(row['largest_error'])} {row['unit']}",
             bars([None, row["nrmse"]], None, largest),
         )
         for name, row in shown.items()
     ]
-    return table(("curve", "", "rows", "rmse", "of the largest value", "largest error", ""), rows, "ttnnnnb")
+    return table(("curve", "", "rows", "not used", "rmse", "of the largest value", "largest error", ""), rows, "ttnnnnnb")
+
+
+def _share(share: float) -> str:
+    """A share of one in per cent, to three digits: laws and curves often differ by less than two digits show."""
+    return f"{number(100.0 * share)} %"
 
 
 def hides_table(group: IdentifiedGroup) -> PageTable | None:
@@ -202,7 +208,7 @@ def hides_table(group: IdentifiedGroup) -> PageTable | None:
                 number(row["left_in_noise"], 2),
             )
         )
-    head = ("other assumption", *symbols, "residual (rms)", "residual in noise")
+    head = ("other assumption", *symbols, "residual (rms)", "in noise")
     return table(head, rows, "t" + "n" * (len(symbols) + 2))
 
 

@@ -16,6 +16,10 @@ if TYPE_CHECKING:
     from explicitfe.results.documents.run_summary import CheckReport, RunSummary
 
 
+# Names in the first column of a table are not folded up to this length.
+LONGEST_NAME_NOT_FOLDED = 24
+
+
 class StoredTimes(NamedTuple):
     """Times of the stored samples: their number, the first, the last and the interval, s."""
 
@@ -34,13 +38,18 @@ def pairs(title: str) -> Table:
 
 
 def printed(title: str, shown: PageTable | None, caption: str = "") -> Table:
-    """A table of a page in the terminal, without its bars."""
+    """A table of a page in the terminal, without its bars; numbers and short names are not folded."""
     table = Table(title=escape(title), title_justify="left", caption=escape(caption) or None, caption_justify="left")
     columns = [] if shown is None else [(k, one) for k, one in enumerate(shown.columns) if one.kind != "bar"]
-    for k, column in columns:
-        table.add_column(escape(column.head), justify="right" if column.kind == "n" else "left", no_wrap=k == 0, overflow="fold")
-    for row in [] if shown is None else shown.rows:
-        table.add_row(*(escape(str(row.cells[k])) for k, _ in columns), style="bold" if row.chosen else None)
+    rows = [] if shown is None else [([str(row.cells[k]) for k, _ in columns], row.chosen) for row in shown.rows]
+    for place, (_, column) in enumerate(columns):
+        is_number = column.kind == "n"
+        most = None if is_number else LONGEST_NAME_NOT_FOLDED if place == 0 else 0
+        width = max(len(line) for cells, _ in rows for line in cells[place].split("\n"))
+        least = width if most is None else min(width, most)
+        table.add_column(escape(column.head), justify="right" if is_number else "left", min_width=least, overflow="fold")
+    for cells, chosen in rows:
+        table.add_row(*map(escape, cells), style="bold" if chosen else None)
     return table
 
 

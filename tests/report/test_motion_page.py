@@ -17,7 +17,7 @@ from rich.console import Console
 
 from explicitfe.app.view.page.close_loop.motion_charts import amplitude_spectrum
 from explicitfe.app.view.page.close_loop.motion_film import choose_curve
-from explicitfe.app.view.page.close_loop.motion_tables import motion_errors, motion_on_page
+from explicitfe.app.view.page.close_loop.motion_tables import feature_table, motion_errors
 from explicitfe.app.view.page.close_loop.page import write
 from explicitfe.app.view.terminal.close_loop import loop_tables
 from explicitfe.inverse.close_loop.trajectories.vibration import features_of
@@ -152,9 +152,9 @@ def test_phases_are_near_the_measured_one() -> None:
     """359 and 1 degree differ by two."""
     features = [VibrationFeatures(phase_deg=angle) for angle in (175.0, 190.0, 20.0)]
     motion = MarkerMotion(curve="c", marker="m", axis="z", measured=features[0], before=features[1], after=features[2])
-    page = motion_on_page(moving_report(motion=[motion])[0])
-    assert page is not None and page.features is not None
-    assert [row.cells[-1] for row in page.features.rows] == ["175.0", "190.0", "20.0"]
+    features_on_page = feature_table(moving_report(motion=[motion])[0])
+    assert features_on_page is not None
+    assert [row.cells[-1] for row in features_on_page.rows] == ["175.0", "190.0", "20.0"]
 
 
 @pytest.mark.parametrize("lost", [None, float("nan"), float("inf")])

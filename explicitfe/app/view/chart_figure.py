@@ -50,14 +50,14 @@ def draw_chart(axes: Axes, shown: Chart) -> None:
     """Draw a chart into a panel, with the ranges and marks that it has on a page."""
     plain(axes)
     for series in shown.series:
-        line, colour, label = series.line, COLOURS[series.colour], series.name or None
+        colour, label = COLOURS[series.colour or 0], series.name or None
         if series.drawn in FILLED_OPACITY:
-            edge = 0.0 if line.y_high is None else line.y_high
-            axes.fill_between(line.x, line.y, edge, color=colour, alpha=FILLED_OPACITY[series.drawn], lw=0, label=label)
+            edge = 0.0 if series.y_high is None else series.y_high
+            axes.fill_between(series.x, series.y, edge, color=colour, alpha=FILLED_OPACITY[series.drawn], lw=0, label=label)
         elif series.drawn == "dots":
-            axes.plot(line.x, line.y, "o", color=colour, ms=3.5, mew=0, label=label)
+            axes.plot(series.x, series.y, "o", color=colour, ms=3.5, mew=0, label=label)
         else:
-            axes.plot(line.x, line.y, LINE_STYLES[series.dash], color=colour, lw=1.5, label=label)
+            axes.plot(series.x, series.y, LINE_STYLES[series.dash], color=colour, lw=1.5, label=label)
     for start, end in shown.shaded:
         axes.axvspan(start, end, color="0.955", lw=0, zorder=-1)
     if shown.zero:

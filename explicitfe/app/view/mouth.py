@@ -72,7 +72,7 @@ def _is_built_in(result: Result, name: str) -> bool:
 @cache
 def teeth_data() -> dict[str, np.ndarray]:
     """Of each bone the rings (t, r, p, 3) mm of the crowns of its right half, as ``<bone>_mm``, their sizes and its anchor."""
-    with np.load(folder_of("models") / "tongue" / TEETH_FILE) as stored:
+    with np.load(folder_of("models") / "tongue" / TEETH_FILE, allow_pickle=False) as stored:
         return dict(stored)
 
 

@@ -76,19 +76,14 @@ class Tick:
     label: str
 
 
-@dataclass(frozen=True)
-class DrawnLine:
-    """A series as the template draws it: ``pieces`` are the points of a polyline each; dots are polylines of no length.
+@dataclass(frozen=True, eq=False)
+class DrawnLine(Line):
+    """A line as it is drawn: ``pieces`` are the points of a polyline each, of no length for a dot.
 
-    ``line`` has its numbers; on a logarithmic axis its y are logarithms.
+    On a logarithmic axis, y are logarithms.
     """
 
-    name: str
-    pieces: list[str]
-    drawn: Drawn
-    colour: int
-    dash: int
-    line: Line
+    pieces: Sequence[str] = ()
 
 
 @dataclass(frozen=True)
@@ -174,11 +169,13 @@ def chart(
     placed = [
         DrawnLine(
             one.name,
-            _pieces(one, (left, right), (bottom, top)),
+            one.x,
+            one.y,
             one.drawn,
             (number if one.colour is None else one.colour) % COLOUR_COUNT,
             one.dash % DASH_COUNT,
-            one,
+            one.y_high,
+            _pieces(one, (left, right), (bottom, top)),
         )
         for number, one in enumerate(kept)
     ]

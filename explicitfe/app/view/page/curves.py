@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -20,33 +19,10 @@ MOST_DOTS = 80
 MOST_NOISE_BARS, SDS_OF_A_BAR = 40, 2.0
 
 
-@dataclass(frozen=True, eq=False)
-class CurveToDraw:
-    """A curve in the units of its axes, each column (n,).
-
-    Attributes
-    ----------
-    title : its name and what the page says of it; ``error`` decides which of many curves are drawn.
-    x, measured : rows of the data; ``sd`` is their noise, None where it is not known.
-    model_x, model : the model's line; None where it has none.
-    """
-
-    title: str
-    x_label: str
-    y_label: str
-    x: np.ndarray
-    measured: np.ndarray
-    sd: np.ndarray | None
-    model_x: np.ndarray | None
-    model: np.ndarray | None
-    error: float
-
-
-def charts_of_curves(curves: Sequence[CurveToDraw]) -> list[Chart]:
-    """The charts of the curves with the largest errors, in the order in which they were given."""
-    worst = sorted(range(len(curves)), key=lambda number: -curves[number].error)[:MOST_CURVES]
-    drawn = [_chart(curves[number]) for number in sorted(worst)]
-    return [one for one in drawn if one is not None]
+def worst_charts(charts: Sequence[tuple[float, Chart | None]]) -> list[Chart]:
+    """Of pairs of an error and a chart the charts with the largest errors, in the order in which they were given."""
+    worst = sorted(range(len(charts)), key=lambda number: -charts[number][0])[:MOST_CURVES]
+    return [shown for number in sorted(worst) if (shown := charts[number][1]) is not None]
 
 
 def axis_of(time_s: np.ndarray, imposed: np.ndarray, label: str) -> tuple[np.ndarray, str]:
@@ -66,8 +42,16 @@ def measured_lines(
     return [*lines, Line(name, x, values, drawn="dots" if as_dots else "line", colour=colour)]
 
 
-def _chart(curve: CurveToDraw) -> Chart | None:
-    lines = measured_lines("measured", curve.x, curve.measured, curve.sd, as_dots=len(curve.x) <= MOST_DOTS)
-    if curve.model_x is not None and curve.model is not None:
-        lines.append(Line("model", curve.model_x, curve.model, colour=MODEL_COLOUR))
-    return chart(curve.title, lines, x_label=curve.x_label, y_label=curve.y_label)
+def curve_chart(
+    title: str,
+    axes: tuple[str, str],
+    x: np.ndarray,
+    measured: np.ndarray,
+    sd: np.ndarray | None = None,
+    model: tuple[np.ndarray, np.ndarray] | None = None,
+) -> Chart | None:
+    """The chart of a curve: its rows, with their noise where it is known, and the line of the model, x and y."""
+    lines = measured_lines("measured", x, measured, sd, as_dots=len(x) <= MOST_DOTS)
+    if model is not None:
+        lines.append(Line("model", *model, colour=MODEL_COLOUR))
+    return chart(title, lines, x_label=axes[0], y_label=axes[1])

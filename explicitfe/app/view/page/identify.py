@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from explicitfe.app.view.page.chart import COLOUR_COUNT, Chart, Line, chart
-from explicitfe.app.view.page.curves import CurveToDraw, charts_of_curves
+from explicitfe.app.view.page.curves import curve_chart, worst_charts
 from explicitfe.app.view.page.frame import page_text
 from explicitfe.app.view.page.tables import PageTable, bars, table
 from explicitfe.app.view.page.words import finite, number, percent, plural
@@ -76,7 +76,7 @@ def _group(
         "widened": widened if widened_by > 1.0 else "",
         "law": group.get("law", ""),
         "laws": laws_table(group),
-        "charts": charts_of_curves([_drawn(curve) for curve in curves]),
+        "charts": worst_charts([_drawn(curve) for curve in curves]),
         "profiles": [drawn for profile in profiles if (drawn := profile_chart(profile)) is not None],
         "curves": curves_table(group),
         "hides": hides_table(group),
@@ -119,22 +119,15 @@ def laws_table(group: IdentifiedGroup) -> PageTable | None:
     return table(("law", "shear modulus", "misfit", "held-out error", "ΔAICc", "ΔBIC"), rows, "tnnnnn")
 
 
-def _drawn(curve: FittedCurve) -> CurveToDraw:
+def _drawn(curve: FittedCurve) -> tuple[float, Chart | None]:
+    """The error of a curve, and its chart."""
     largest = float(np.abs(curve["measured"]).max(initial=0.0))
     rmse = float(np.sqrt(np.mean((curve["predicted"] - curve["measured"]) ** 2)))
     error = rmse / largest if largest > 0.0 else float("nan")
     parts = [curve["id"], SIDES_OF_A_FIT[curve["split"]], f"error {percent(error)}" if finite(error) else ""]
-    return CurveToDraw(
-        title=", ".join(filter(None, parts)),
-        x_label=curve["x_label"],
-        y_label=curve["y_label"],
-        x=curve["x"],
-        measured=curve["measured"],
-        sd=curve["sd"],
-        model_x=curve["line_x"],
-        model=curve["line_y"],
-        error=error if finite(error) else 0.0,
-    )
+    title, axes = ", ".join(filter(None, parts)), (curve["x_label"], curve["y_label"])
+    model = (curve["line_x"], curve["line_y"])
+    return error if finite(error) else 0.0, curve_chart(title, axes, curve["x"], curve["measured"], curve["sd"], model)
 
 
 def profile_chart(profile: ConstantProfile) -> Chart | None:

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from explicitfe.app.view.page.chart import Chart
-from explicitfe.app.view.page.curves import MOST_CURVES, CurveToDraw, axis_of, charts_of_curves
+from explicitfe.app.view.page.curves import MOST_CURVES, axis_of, curve_chart, worst_charts
 from explicitfe.app.view.page.frame import page_text
 from explicitfe.app.view.page.tables import PageTable, bars, table
 from explicitfe.app.view.page.words import finite, joined, number, percent, plural
@@ -54,7 +54,7 @@ def _errors(prediction: Prediction) -> Iterator[tuple[str, str]]:
 
 
 def _charts(prediction: Prediction) -> list[Chart]:
-    return charts_of_curves([_drawn(name, curve) for name, curve in _in_order(prediction)])
+    return worst_charts([_drawn(name, curve) for name, curve in _in_order(prediction)])
 
 
 def _in_order(prediction: Prediction) -> list[tuple[str, PredictedCurve]]:
@@ -62,22 +62,16 @@ def _in_order(prediction: Prediction) -> list[tuple[str, PredictedCurve]]:
     return sorted(prediction.curves.items(), key=lambda item: item[1].split != "holdout")
 
 
-def _drawn(name: str, curve: PredictedCurve) -> CurveToDraw:
+def _drawn(name: str, curve: PredictedCurve) -> tuple[float, Chart | None]:
+    """The error of a curve, and its chart; a curve that could not be predicted comes first."""
     rows = curve.rows
     label = f"{curve.imposed.replace('_', ' ')} ({curve.imposed_unit})" if curve.imposed_unit else curve.imposed.replace("_", " ")
     x, x_label = axis_of(np.array(rows.time_s), np.array(rows.imposed), label)
     parts = [name, SIDES[curve.split], f"error {percent(curve.nrmse)}" if finite(curve.nrmse) else ""]
-    return CurveToDraw(
-        title=", ".join(filter(None, parts)),
-        x_label=x_label,
-        y_label=f"{curve.quantity.replace('_', ' ')} ({curve.unit})",
-        x=x,
-        measured=np.array(rows.measured),
-        sd=None,
-        model_x=None if rows.predicted is None else x,
-        model=None if rows.predicted is None else np.array(rows.predicted),
-        error=curve.nrmse if finite(curve.nrmse) else float("inf"),
-    )
+    axes = (x_label, f"{curve.quantity.replace('_', ' ')} ({curve.unit})")
+    model = None if rows.predicted is None else (x, np.array(rows.predicted))
+    drawn = curve_chart(", ".join(filter(None, parts)), axes, x, np.array(rows.measured), model=model)
+    return curve.nrmse if finite(curve.nrmse) else float("inf"), drawn
 
 
 def errors_table(prediction: Prediction) -> PageTable | None:

@@ -9,18 +9,10 @@ from explicitfe.app.view.page.words import DASH, finite
 
 
 @dataclass(frozen=True)
-class Bar:
-    """A bar of an error: ``stage`` is "b" before and "a" after; its width is a share of the whole, %."""
-
-    stage: str
-    percent: str
-
-
-@dataclass(frozen=True)
 class Bars:
-    """Bars of the error before and after, and a line where the floor is, as a share of the whole width, %."""
+    """Bars of the error, "b" before and "a" after, with their widths, and a line where the floor is, % of the whole width."""
 
-    bars: list[Bar]
+    bars: list[tuple[str, str]]
     floor_percent: str | None
 
 
@@ -74,5 +66,5 @@ def bars(errors: Sequence[float | None], floor: float | None, largest: float) ->
     """Bars of errors before and after; the largest of all has the whole width. None where there is no error."""
     if not largest > 0.0:
         return None
-    shown = [Bar(stage, f"{100.0 * error / largest:.1f}") for stage, error in zip("ba", errors, strict=False) if finite(error)]
+    shown = [(stage, f"{100.0 * error / largest:.1f}") for stage, error in zip("ba", errors, strict=False) if finite(error)]
     return Bars(shown, f"{100.0 * floor / largest:.1f}" if finite(floor) else None)

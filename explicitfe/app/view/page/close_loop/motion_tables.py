@@ -35,15 +35,6 @@ class MotionError:
     repeats: float | None
 
 
-@dataclass(frozen=True)
-class MotionOnPage:
-    """What the page says of markers that move."""
-
-    errors: PageTable | None
-    features: PageTable | None
-    note: str
-
-
 def motion_errors(report: LoopReport) -> list[MotionError]:
     """The errors of each curve with markers, held-out ones first."""
     held_out, repeats = set(report.split.holdout), report.repeats.rms if report.repeats else {}
@@ -66,17 +57,11 @@ def _root_mean_square(values: Sequence[float | None]) -> float | None:
     return float(np.sqrt(np.mean(np.square(known)))) if known else None
 
 
-def motion_on_page(report: LoopReport) -> MotionOnPage | None:
-    """Tables and notes on the motion; None where no marker moves."""
-    if not report.motion:
-        return None
+def repeats_note(report: LoopReport) -> str:
+    """What the scatter of repeats is; "" without repeats."""
     pairs = report.repeats.pairs if report.repeats else 0
-    note = "Rms distance between the markers of model and data in three dimensions, over all markers and times of a curve."
-    if pairs:
-        note += (
-            f" Repeats: rms distance of a marker between two repeats of the test, from {pairs} pair{'s' if pairs > 1 else ''}."
-        )
-    return MotionOnPage(error_table(report), _feature_table(report), note)
+    number_of_pairs = f"{pairs} pair{'s' if pairs > 1 else ''}"
+    return f"Repeats: rms distance of a marker between two repeats of the test, from {number_of_pairs}." if pairs else ""
 
 
 def error_table(report: LoopReport) -> PageTable | None:
@@ -99,7 +84,7 @@ def error_table(report: LoopReport) -> PageTable | None:
     return table(head, rows, "ttnnnb")
 
 
-def _feature_table(report: LoopReport) -> PageTable | None:
+def feature_table(report: LoopReport) -> PageTable | None:
     """Three rows for each marker, so that the numbers of data and models stand below each other."""
     held_out = set(report.split.holdout)
     rows = []

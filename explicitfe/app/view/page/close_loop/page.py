@@ -15,7 +15,7 @@ from explicitfe.app.view.page.chart import Chart
 from explicitfe.app.view.page.close_loop import parts
 from explicitfe.app.view.page.close_loop.motion_charts import marker_charts
 from explicitfe.app.view.page.close_loop.motion_film import motion_film
-from explicitfe.app.view.page.close_loop.motion_tables import motion_on_page
+from explicitfe.app.view.page.close_loop.motion_tables import error_table, feature_table, repeats_note
 from explicitfe.app.view.page.close_loop.pictures import (
     CauseBar,
     cause_bars,
@@ -103,7 +103,9 @@ def html(report: LoopReport, curves: Sequence[ReportCurve], charts: LoopCharts, 
         next_tests=parts.next_tests(report),
         errors=parts.curve_errors(report),
         constants=parts.constants(report),
-        motion=motion_on_page(report),
+        motion_errors=error_table(report),
+        features=feature_table(report),
+        repeats_note=repeats_note(report),
         noise=parts.noise(report),
         numerical=parts.numerical(report),
         scatter=parts.scatter(report),

@@ -39,14 +39,6 @@ class MainEffect:
     binned: bool
 
 
-@dataclass(frozen=True)
-class EffectsOnMeasure:
-    """What the page shows of one measure: its name with the unit, and a chart for each factor."""
-
-    title: str
-    charts: list[Chart]
-
-
 def main_effect(factor: SweepColumn, measure: SweepColumn) -> MainEffect | None:
     """A measure against a factor; None where runs that have both are at one value only."""
     usable = np.isfinite(factor.values) & np.isfinite(measure.values)
@@ -67,8 +59,8 @@ def main_effect(factor: SweepColumn, measure: SweepColumn) -> MainEffect | None:
     return MainEffect(factor, np.array([at[group].mean() for group in groups]), mean, sd, _share(y, groups), binned)
 
 
-def effects_on(measure: SweepColumn, factors: Sequence[SweepColumn], *, with_shares: bool) -> EffectsOnMeasure | None:
-    """The charts of a measure, with one range of y for all, so that effects can be compared; None where nothing is known.
+def effects_on(measure: SweepColumn, factors: Sequence[SweepColumn], *, with_shares: bool) -> list[Chart]:
+    """The charts of a measure, with one range of y for all, so that effects can be compared.
 
     Parameters
     ----------
@@ -79,11 +71,10 @@ def effects_on(measure: SweepColumn, factors: Sequence[SweepColumn], *, with_sha
         strongest = sorted(effects, key=lambda effect: -np.nan_to_num(effect.share))[:MOST_FACTORS_ON_PAGE]
         effects = [effect for effect in effects if effect in strongest]
     if not effects:
-        return None
+        return []
     reached = np.concatenate([[e.mean - np.nan_to_num(e.sd), e.mean + np.nan_to_num(e.sd)] for e in effects], axis=1)
     y_range = (float(reached.min()), float(reached.max()))
-    charts = [drawn for effect in effects if (drawn := _chart(effect, measure, y_range, with_shares)) is not None]
-    return EffectsOnMeasure(measure.title, charts)
+    return [drawn for effect in effects if (drawn := _chart(effect, measure, y_range, with_shares)) is not None]
 
 
 def shares_of(measure: SweepColumn, factors: Sequence[SweepColumn]) -> list[str]:

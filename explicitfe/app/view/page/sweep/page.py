@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from explicitfe.app.view.page.frame import page_text
-from explicitfe.app.view.page.sweep.effects import MOST_FACTORS_ON_PAGE, EffectsOnMeasure, effects_on, shares_of
+from explicitfe.app.view.page.sweep.effects import MOST_FACTORS_ON_PAGE, effects_on, shares_of
 from explicitfe.app.view.page.sweep.heat_map import heat_maps
 from explicitfe.app.view.page.sweep.scatter import scatter_of
 from explicitfe.app.view.page.tables import PageTable, table
@@ -48,7 +48,8 @@ class IntervalBar:
 def sweep_page(sweep: SweepToDraw) -> tuple[str, int]:
     """The text of the page, and the number of runs in its scatter plot."""
     scatter = scatter_of(sweep)
-    effects = list(_effects(sweep))
+    charts = [(one.title, effects_on(one, sweep.factors, with_shares=sweep.is_balanced)) for one in sweep.shown_measures]
+    effects = [(title, of_measure) for title, of_measure in charts if of_measure]
     text = page_text(
         "page/sweep/sweep.html.j2",
         styles=["page/sweep/sweep.css"],
@@ -64,9 +65,7 @@ def sweep_page(sweep: SweepToDraw) -> tuple[str, int]:
         most_settings=MOST_SETTINGS_SHOWN,
         effects=effects,
         # With one factor there is one chart per measure, and all of them are visible at once.
-        single=[replace(effect.charts[0], title=effect.title, y_label="") for effect in effects]
-        if len(sweep.factors) == 1
-        else [],
+        single=[replace(shown[0], title=title, y_label="") for title, shown in effects] if len(sweep.factors) == 1 else [],
         maps=list(heat_maps(sweep)),
         shares=_shares(sweep),
         factors_left_out=max(0, len(sweep.factors) - MOST_FACTORS_ON_PAGE),
@@ -113,13 +112,6 @@ def _factors(factors: Sequence[SweepColumn]) -> PageTable | None:
             low, high = (bare(known.min()), bare(known.max())) if len(known) else ("", "")
         rows.append((factor.title, low, high, count(distinct), factor.name))
     return table(("factor", "from", "to", "values", "key"), rows, "ttttt")
-
-
-def _effects(sweep: SweepToDraw) -> Iterator[EffectsOnMeasure]:
-    for measure in sweep.shown_measures:
-        effects = effects_on(measure, sweep.factors, with_shares=sweep.is_balanced)
-        if effects is not None and effects.charts:
-            yield effects
 
 
 def _shares(sweep: SweepToDraw) -> PageTable | None:

@@ -127,7 +127,7 @@ def outlines(sweep: SweepToDraw) -> Figure | None:
 def effects(sweep: SweepToDraw) -> Figure | None:
     """The main measures against each factor: means and a band of one standard deviation."""
     rows = [effects_on(measure, sweep.factors, with_shares=sweep.is_balanced) for measure in sweep.shown_measures]
-    charts = [row.charts[:MOST_FACTORS_DRAWN] for row in rows if row is not None and row.charts][:MOST_MEASURES_DRAWN]
+    charts = [row[:MOST_FACTORS_DRAWN] for row in rows if row][:MOST_MEASURES_DRAWN]
     if not charts:
         return None
     across = max(map(len, charts))

@@ -33,15 +33,7 @@ GROUP_WORDS = {
     "airway": "airway",
 }
 
-
-@dataclass(frozen=True)
-class ColumnChoice:
-    """An entry of a drop-down: which column, how it is called, and whether it is chosen at first, along and up."""
-
-    number: int
-    title: str
-    is_x: bool
-    is_y: bool
+Choice = tuple[int, str, bool, bool]
 
 
 @dataclass(frozen=True)
@@ -51,13 +43,13 @@ class ColumnScatter:
     Attributes
     ----------
     picture : of two columns, without any script.
-    groups : entries of the drop-downs, with the words above them.
+    groups : words above entries of the drop-downs: number and title of a column, and whether it is along and up at first.
     data : packed, for scatter.js.
     drawn, stored : how many runs are in it, of how many.
     """
 
     picture: Chart
-    groups: list[tuple[str, list[ColumnChoice]]]
+    groups: list[tuple[str, list[Choice]]]
     data: str
     drawn: int
     stored: int
@@ -120,9 +112,9 @@ def scatter_chart(sweep: SweepToDraw, x: SweepColumn, y: SweepColumn, rows: np.n
     return chart("", lines, x_label=x.title, y_label=y.title, x_range=x_range, x_marks=list(enumerate(x.levels)), y_marks=y_marks)
 
 
-def _groups(sweep: SweepToDraw, x: SweepColumn, y: SweepColumn) -> list[tuple[str, list[ColumnChoice]]]:
+def _groups(sweep: SweepToDraw, x: SweepColumn, y: SweepColumn) -> list[tuple[str, list[Choice]]]:
     columns = [*sweep.factors, *sweep.measures, *sweep.checks]
-    groups: dict[str, list[ColumnChoice]] = {}
+    groups: dict[str, list[Choice]] = {}
     for number, column in enumerate(columns):
         owner = column.name.partition(".")[0]
         if column in sweep.factors:
@@ -131,5 +123,5 @@ def _groups(sweep: SweepToDraw, x: SweepColumn, y: SweepColumn) -> list[tuple[st
             words = "whether to believe it"
         else:
             words = GROUP_WORDS.get(owner, owner)
-        groups.setdefault(words, []).append(ColumnChoice(number, column.title, column is x, column is y))
+        groups.setdefault(words, []).append((number, column.title, column is x, column is y))
     return list(groups.items())

@@ -9,7 +9,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from explicitfe.app.view.page.close_loop.motion_tables import error_table
-from explicitfe.app.view.page.close_loop.parts import causes
+from explicitfe.app.view.page.close_loop.parts import SHARE_HEAD, causes
 from explicitfe.app.view.page.close_loop.reading import has_changed
 from explicitfe.app.view.page.words import how_sure, percent, with_interval, worth_of
 from explicitfe.app.view.terminal.files import file_lines
@@ -62,4 +62,4 @@ def _causes(report: LoopReport) -> Table:
     notes = [f"{more} more absent" if more else "", f"{untested} not testable with these data" if untested else ""]
     all_causes = causes(report)
     few = None if all_causes is None else replace(all_causes, rows=[all_causes.rows[k] for k in shown])
-    return printed("causes", few, "; ".join(filter(None, notes)))
+    return printed("causes", few, "; ".join(filter(None, notes)), without=SHARE_HEAD)

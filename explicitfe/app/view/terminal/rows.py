@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING, Any, NamedTuple
+from textwrap import wrap
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 from rich.console import Group
 from rich.markup import escape
@@ -16,8 +17,8 @@ if TYPE_CHECKING:
     from explicitfe.results.documents.run_summary import CheckReport, RunSummary
 
 
-# Names in the first column of a table are not folded up to this length.
-LONGEST_NAME_NOT_FOLDED = 24
+# Names in the first column of a table are not folded up to this length, nor are heads over narrower numbers up to that one.
+LONGEST_NAME_NOT_FOLDED, LONGEST_HEAD = 24, 16
 
 
 class StoredTimes(NamedTuple):
@@ -37,17 +38,19 @@ def pairs(title: str) -> Table:
     return table
 
 
-def printed(title: str, shown: PageTable | None, caption: str = "") -> Table:
-    """A table of a page in the terminal, without its bars; numbers and short names are not folded."""
+def printed(title: str, shown: PageTable | None, caption: str = "", without: str = "") -> Table:
+    """A table of a page in the terminal, without its bars and a column; numbers and short names are not folded."""
     table = Table(title=escape(title), title_justify="left", caption=escape(caption) or None, caption_justify="left")
-    columns = [] if shown is None else [(k, one) for k, one in enumerate(shown.columns) if one.kind != "bar"]
-    rows = [] if shown is None else [([str(row.cells[k]) for k, _ in columns], row.chosen) for row in shown.rows]
+    if shown is None:
+        return table
+    columns = [(k, one) for k, one in enumerate(shown.columns) if one.kind != "bar" and (not without or one.head != without)]
+    rows = [([str(row.cells[k]) for k, _ in columns], row.chosen) for row in shown.rows]
     for place, (_, column) in enumerate(columns):
-        is_number = column.kind == "n"
-        most = None if is_number else LONGEST_NAME_NOT_FOLDED if place == 0 else 0
         width = max(len(line) for cells, _ in rows for line in cells[place].split("\n"))
-        least = width if most is None else min(width, most)
-        table.add_column(escape(column.head), justify="right" if is_number else "left", min_width=least, overflow="fold")
+        is_whole = column.kind == "n" or (place == 0 and width <= LONGEST_NAME_NOT_FOLDED)
+        lines = wrap(column.head, max(width, LONGEST_HEAD)) if is_whole and "\n" not in column.head else [column.head]
+        justify: Literal["right", "left"] = "right" if column.kind == "n" else "left"
+        table.add_column(escape("\n".join(lines)), justify=justify, no_wrap=is_whole, overflow="fold")
     for cells, chosen in rows:
         table.add_row(*map(escape, cells), style="bold" if chosen else None)
     return table

@@ -51,6 +51,7 @@ from explicitfe.results.documents.verdict_text import (
 LONG_HEADLINE_LETTERS = 62
 # Lines beside the first picture: more would push it off the screen.
 MOST_FACTS = 8
+SHARE_HEAD = "share of the largest plausible one"
 # Further hypotheses are folded away.
 HYPOTHESES_SHOWN = 10
 
@@ -163,7 +164,7 @@ def causes(report: LoopReport) -> PageTable | None:
         )
         for name, one in tested.items()
     ]
-    head = ("cause", "probability", "decision", "forms", "smallest detectable strength", "share of the largest plausible one")
+    head = ("cause", "probability", "decision", "forms", "smallest detectable strength", SHARE_HEAD)
     return table(head, rows, "tntwnn", [one.decision == "present" for one in tested.values()])
 
 

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 FILLED_OPACITY = {"area": 0.25, "band": 0.25, "dark-band": 0.8}
-LETTERS, SMALL_LETTERS, LEGEND_COLUMNS = 9, 8, 4  # font sizes, and entries in a row of the legend
+LETTER_SIZE, SMALL_LETTER_SIZE, LEGEND_COLUMNS = 9, 8, 4  # font sizes, and entries in a row of the legend
 
 
 def draw_charts(
@@ -40,9 +40,9 @@ def draw_charts(
     for axes, entries in named.values():
         if len(named) == 1:
             ncols = min(LEGEND_COLUMNS, len(entries[1]))
-            figure.legend(*entries, loc="outside lower left", ncols=ncols, frameon=False, fontsize=LETTERS)
+            figure.legend(*entries, loc="outside lower left", ncols=ncols, frameon=False, fontsize=LETTER_SIZE)
         else:
-            axes.legend(*entries, loc="center left", bbox_to_anchor=(1.01, 0.5), frameon=False, fontsize=SMALL_LETTERS)
+            axes.legend(*entries, loc="center left", bbox_to_anchor=(1.01, 0.5), frameon=False, fontsize=SMALL_LETTER_SIZE)
     return drawn
 
 
@@ -66,7 +66,7 @@ def draw_chart(axes: Axes, shown: Chart) -> None:
     axes.set_ylim(*shown.y_range)
     axes.set_xticks([tick.value for tick in shown.x_ticks], [tick.label for tick in shown.x_ticks])
     axes.set_yticks([tick.value for tick in shown.y_ticks], [tick.label for tick in shown.y_ticks])
-    axes.set_xlabel(shown.x_label, fontsize=LETTERS)
-    axes.set_ylabel(shown.y_label, fontsize=LETTERS)
-    axes.set_title(shown.title, loc="left", fontsize=LETTERS)
-    axes.tick_params(labelsize=SMALL_LETTERS)
+    axes.set_xlabel(shown.x_label, fontsize=LETTER_SIZE)
+    axes.set_ylabel(shown.y_label, fontsize=LETTER_SIZE)
+    axes.set_title(shown.title, loc="left", fontsize=LETTER_SIZE)
+    axes.tick_params(labelsize=SMALL_LETTER_SIZE)

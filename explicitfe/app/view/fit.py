@@ -10,7 +10,7 @@ import numpy as np
 from explicitfe.app.view.chart_figure import draw_chart, draw_charts
 from explicitfe.app.view.indentation import ENERGY_LABEL, paint_section
 from explicitfe.app.view.page.chart import COLOUR_COUNT, Line, chart
-from explicitfe.app.view.page.curves import DATA_COLOUR, measured_lines
+from explicitfe.app.view.page.curves import DATA_COLOUR, lines_of_rows
 from explicitfe.app.view.page.identify import constant_name, profile_chart, unit_of_constant
 from explicitfe.app.view.palette import WIDTH_IN, new_figure, save
 from explicitfe.results.documents.fitted_curves import ConstantProfile, DeformedSpecimen, FittedCurve, PaperTrace
@@ -24,9 +24,9 @@ def fit(path: Path, title: str, curves: Sequence[FittedCurve], constants: Mappin
     for number, curve in enumerate(curves):
         colour, held_out = number % (COLOUR_COUNT - 1), curve["split"] == "holdout"
         name = f"{curve['id']}{', only predicted' if held_out else ''}"
-        upper += measured_lines(name, curve["x"], curve["measured"], curve["sd"], colour, as_dots=True)
+        upper += lines_of_rows(name, curve["x"], curve["measured"], curve["sd"], colour, as_dots=True)
         upper.append(Line("" if number else "model", curve["line_x"], curve["line_y"], colour=DATA_COLOUR, dash=int(held_out)))
-        lower += measured_lines("", curve["x"], curve["measured"] - curve["predicted"], curve["sd"], colour, as_dots=True)
+        lower += lines_of_rows("", curve["x"], curve["measured"] - curve["predicted"], curve["sd"], colour, as_dots=True)
     values = ", ".join(f"{constant_name(key)} = {value:.4g}{unit_of_constant(key)}" for key, value in constants.items())
     x_label, y_label = curves[0]["x_label"], curves[0]["y_label"]
     figure = new_figure(WIDTH_IN, 6.6)

@@ -14,7 +14,7 @@ from explicitfe.results.measure.reactions import force_curve
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-PANEL_HEIGHT_IN = 2.0
+CHART_HEIGHT_IN = 2.0
 
 
 def probes_figure(result: Result, step: int) -> Figure | None:
@@ -35,7 +35,7 @@ def _figure(result: Result, charts: list[Chart], shown: list[Chart], what: str) 
         return None
     shown = [*(one for one in charts if one.title == FORCES_TITLE), *shown]
     heights = [2.0 if one.title == BALANCE_TITLE else 1.0 for one in shown]
-    figure = result_figure(result, 0.8 + PANEL_HEIGHT_IN * sum(heights), what)
+    figure = result_figure(result, 0.8 + CHART_HEIGHT_IN * sum(heights), what)
     for axes in draw_charts(figure, shown, heights=heights)[:-1]:
         axes.set_xlabel("")
     return figure

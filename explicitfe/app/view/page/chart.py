@@ -31,6 +31,7 @@ ROUNDING_SHARE_OF_VALUE = 1e-12
 COLOUR_COUNT = 7
 DASH_COUNT = 4
 
+Marks = Sequence[tuple[float, str]]
 Drawn = Literal["line", "dots", "area", "band", "dark-band"]
 
 
@@ -128,13 +129,10 @@ def chart(
     y_range: tuple[float, float] | None = None,
     logarithmic: bool = False,
     spans: Sequence[tuple[float, float]] = (),
-    follows: str = "",
-    x_marks: Sequence[tuple[float, str]] = (),
-    y_marks: Sequence[tuple[float, str]] = (),
+    marks: tuple[Marks, Marks] = ((), ()),
     reversed_axes: bool = False,
     words: Sequence[tuple[float, float, str, int]] = (),
     alike: Sequence[Line] = (),
-    numerical: bool = False,
 ) -> Chart | None:
     """A chart of some series; None where no number is finite.
 
@@ -143,7 +141,7 @@ def chart(
     x_range, y_range : smallest ranges of the axes; by default those of the data.
     logarithmic : whether y is drawn by its logarithm; numbers that are not positive are left out.
     spans : parts of the x axis that are shaded, from and to.
-    x_marks, y_marks : places on the axis and their labels; round numbers if left out.
+    marks : places on the x and on the y axis with their labels; round numbers if left out.
     reversed_axes : whether both axes run to the left and down.
     words : written into the chart: x, y, text, number of the colour.
     alike : series of other charts, for which the axes have room as well.
@@ -162,8 +160,8 @@ def chart(
     left, right = _span(across, DOT_MARGIN_SHARE if has_dots and not x_range else 0.0)
     with_zero = [reached(one) for one in (*kept, *alike)]
     bottom, top = _span([*with_zero, np.array(y_range or [])], MARGIN_SHARE)
-    x_marks = x_marks or list(zip(*round_ticks(left, right), strict=True))
-    y_marks = y_marks or list(zip(*(_decades(bottom, top) if logarithmic else round_ticks(bottom, top)), strict=True))
+    x_marks = marks[0] or list(zip(*round_ticks(left, right), strict=True))
+    y_marks = marks[1] or list(zip(*(_decades(bottom, top) if logarithmic else round_ticks(bottom, top)), strict=True))
     if reversed_axes:
         left, right, bottom, top = right, left, top, bottom
     placed = [
@@ -191,9 +189,7 @@ def chart(
         None if logarithmic or not bottom < 0.0 < top else _percent(0.0, bottom, top),
         [(_percent(max(a, left), left, right), _percent(min(b, right), left, right)) for a, b in spans if b > left and a < right],
         spans,
-        follows,
-        logarithmic,
-        numerical,
+        logarithmic=logarithmic,
         words=[Word(_percent(x, left, right), _percent(y, bottom, top), text, colour) for x, y, text, colour in words],
     )
 

@@ -30,7 +30,7 @@ def axis_of(time_s: np.ndarray, imposed: np.ndarray, label: str) -> tuple[np.nda
     return (imposed, label) if goes_one_way(time_s, imposed) else (time_s, "time (s)")
 
 
-def measured_lines(
+def lines_of_rows(
     name: str, x: np.ndarray, values: np.ndarray, sd: np.ndarray | None, colour: int = DATA_COLOUR, *, as_dots: bool
 ) -> list[Line]:
     """Rows of a curve as dots or as a line, with bars of their noise where it is known and they are few."""
@@ -51,7 +51,7 @@ def curve_chart(
     model: tuple[np.ndarray, np.ndarray] | None = None,
 ) -> Chart | None:
     """The chart of a curve: its rows, with their noise where it is known, and the line of the model, x and y."""
-    lines = measured_lines("measured", x, measured, sd, as_dots=len(x) <= MOST_DOTS)
+    lines = lines_of_rows("measured", x, measured, sd, as_dots=len(x) <= MOST_DOTS)
     if model is not None:
         lines.append(Line("model", *model, colour=MODEL_COLOUR))
     return chart(title, lines, x_label=axes[0], y_label=axes[1])

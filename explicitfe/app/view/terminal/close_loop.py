@@ -13,7 +13,7 @@ from explicitfe.app.view.page.close_loop.parts import SHARE_HEAD, causes
 from explicitfe.app.view.page.close_loop.reading import has_changed
 from explicitfe.app.view.page.words import how_sure, percent, with_interval, worth_of
 from explicitfe.app.view.terminal.files import file_lines
-from explicitfe.app.view.terminal.rows import pairs, printed
+from explicitfe.app.view.terminal.rows import pairs, terminal_table
 from explicitfe.results.documents.loop_report import LoopReport, estimates
 from explicitfe.results.documents.verdict_text import sentence
 
@@ -50,7 +50,7 @@ def loop_tables(report: LoopReport) -> Group:
     if end.row_count:
         tables.append(end)
     if report.motion:
-        tables.append(printed("rms distance of the markers", error_table(report)))
+        tables.append(terminal_table("rms distance of the markers", error_table(report)))
     return Group(*tables, file_lines([("file", path) for path in report.files]))
 
 
@@ -62,4 +62,4 @@ def _causes(report: LoopReport) -> Table:
     notes = [f"{more} more absent" if more else "", f"{untested} not testable with these data" if untested else ""]
     all_causes = causes(report)
     few = None if all_causes is None else replace(all_causes, rows=[all_causes.rows[k] for k in shown])
-    return printed("causes", few, "; ".join(filter(None, notes)), without=SHARE_HEAD)
+    return terminal_table("causes", few, "; ".join(filter(None, notes)), without=SHARE_HEAD)

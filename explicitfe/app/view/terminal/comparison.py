@@ -12,7 +12,7 @@ from rich.table import Table
 
 from explicitfe.app.view.page.tables import table
 from explicitfe.app.view.terminal.files import file_lines
-from explicitfe.app.view.terminal.rows import moved, pairs, printed, spaced, text_of
+from explicitfe.app.view.terminal.rows import moved, pairs, spaced, terminal_table, text_of
 from explicitfe.results.files.differing_keys import table_in_words
 from explicitfe.results.measure.comparison import ComparedField, ComparedHistory, Comparison, DifferingKey
 
@@ -103,7 +103,7 @@ def _keys(title: str, keys: Sequence[DifferingKey]) -> Table:
 def _side_by_side(title: str, first: str, rows: Sequence[tuple[str, str, str]]) -> Table:
     left_out = len(rows) - MOST_ROWS_OF_A_TABLE
     shown = table((first, "a", "b"), rows[:MOST_ROWS_OF_A_TABLE], "ttt")
-    return printed(title, shown, f"and {left_out} more: add --json" if left_out > 0 else "")
+    return terminal_table(title, shown, f"and {left_out} more: add --json" if left_out > 0 else "")
 
 
 def _differences(title: str, first: str, parts: Sequence[ComparedField | ComparedHistory]) -> Table:
@@ -111,7 +111,7 @@ def _differences(title: str, first: str, parts: Sequence[ComparedField | Compare
     for part in parts:
         unit, scale = SHOWN_IN.get(part.unit, (part.unit, 1.0))
         rows.append((spaced(part.name), f"{scale * part.largest:.3g} {unit}", _percent(part.share), _time(part.at_ms)))
-    return printed(title, table((first, "largest", "relative", "at"), rows, "tnnn"))
+    return terminal_table(title, table((first, "largest", "relative", "at"), rows, "tnnn"))
 
 
 def _points(comparison: Comparison) -> Table:
@@ -120,7 +120,7 @@ def _points(comparison: Comparison) -> Table:
         for name, at in comparison.named_points.items()
     ]
     title = f"points: b − a at {_time(comparison.times.last_ms)}, and the largest distance at any time"
-    return printed(title, table(("point", "at the end", "largest", "share", "at"), rows, "ttnnn"))
+    return terminal_table(title, table(("point", "at the end", "largest", "share", "at"), rows, "ttnnn"))
 
 
 def _measures(comparison: Comparison) -> Iterator[tuple[str, str, str]]:

@@ -11,7 +11,7 @@ from rich.markup import escape
 
 from explicitfe.app.view.page.tables import table
 from explicitfe.app.view.terminal.files import file_lines
-from explicitfe.app.view.terminal.rows import pairs, printed, text_of
+from explicitfe.app.view.terminal.rows import pairs, terminal_table, text_of
 from explicitfe.results.documents.dataset_check import MATERIAL_TESTS, ColumnRange, DatasetCheckReport
 
 
@@ -63,7 +63,7 @@ def dataset_check_tables(report: DatasetCheckReport) -> Group:
             )
         )
     columns = ("curve", "use", "rows", "time", "imposed", "measured" if of_material else "movement", "noise")
-    return Group(head, printed("curves", table(columns, rows, "ttnnttn")))
+    return Group(head, terminal_table("curves", table(columns, rows, "ttnnttn")))
 
 
 def _described(table: Mapping[str, Any]) -> str:

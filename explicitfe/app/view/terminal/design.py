@@ -8,7 +8,7 @@ from rich.markup import escape
 from explicitfe.app.view.page.design import apart_table, shown_table
 from explicitfe.app.view.page.words import worth_of
 from explicitfe.app.view.terminal.files import file_lines
-from explicitfe.app.view.terminal.rows import pairs, printed
+from explicitfe.app.view.terminal.rows import pairs, terminal_table
 from explicitfe.results.documents.planned_test import PlannedTest
 from explicitfe.results.documents.proposed_tests import ProposedTests
 
@@ -23,8 +23,8 @@ def design_tables(planned: PlannedTest) -> Group:
     hidden = [row for row in planned.effects if not row.shows]
     tables: list[RenderableType] = []
     if shown:
-        apart = printed("distinguishable effects at the largest plausible strength", apart_table(shown), APART_CAPTION)
-        tables = [printed(planned.protocol, shown_table(shown)), apart]
+        apart = terminal_table("distinguishable effects at the largest plausible strength", apart_table(shown), APART_CAPTION)
+        tables = [terminal_table(planned.protocol, shown_table(shown)), apart]
     if hidden:
         table = pairs("not detectable with this test" if shown else planned.protocol)
         for row in hidden:

@@ -11,7 +11,7 @@ from rich.table import Table
 from explicitfe.app.view.page.identify import curves_table, facts_of, hides_table, laws_table
 from explicitfe.app.view.page.words import number
 from explicitfe.app.view.terminal.files import file_lines
-from explicitfe.app.view.terminal.rows import pairs, printed
+from explicitfe.app.view.terminal.rows import pairs, terminal_table
 from explicitfe.results.documents.identification import Identification, IdentifiedGroup
 
 LAWS_CAPTION = "ΔAICc, ΔBIC: difference from the best law; a law with ΔAICc above 10 has practically no support"
@@ -39,7 +39,7 @@ def identification_tables(identification: Identification) -> Group:
             ("sensitivity to the assumptions: change of the constants with the same data", hides_table(group), HIDES_CAPTION),
         ):
             if shown is not None:
-                tables.append(printed(heading, shown, caption))
+                tables.append(terminal_table(heading, shown, caption))
     end = pairs("")
     end.add_row("simulations", f"{identification['forward_runs']}, {identification['wall_s']:.1f} s in total")
     return Group(*tables, end, file_lines([("file", path) for path in identification["files"]]))

@@ -11,7 +11,7 @@ from rich.table import Table
 
 from explicitfe.app.view.page.tables import table
 from explicitfe.app.view.terminal.files import file_lines
-from explicitfe.app.view.terminal.rows import pairs, printed, text_of
+from explicitfe.app.view.terminal.rows import pairs, terminal_table, text_of
 from explicitfe.platform.host.load import is_busy
 
 if TYPE_CHECKING:
@@ -69,7 +69,7 @@ class ListTable:
 def kernels_table(seconds_of: dict[str, float]) -> Table:
     """The kernels that were compiled or loaded, and the time of each."""
     rows = [(name, f"{seconds:.1f}") for name, seconds in seconds_of.items()]
-    return printed("compiled kernels", table(("kernels", "seconds"), rows, "tn"))
+    return terminal_table("compiled kernels", table(("kernels", "seconds"), rows, "tn"))
 
 
 def new_scenario_table(scenario: Mapping[str, Any]) -> Group:
@@ -108,7 +108,7 @@ def speed_tables(speed: SpeedReport) -> Group:
         rows.append((str(row["elements"]), row["element"], f"{row['ns']:.1f}", *documented, *faster))
     head = ("hexes", "element", "1 thread", "documented", "ratio", f"{threads} threads", "faster")
     title = f"ns per element and step, float64, {speed['lanes']} lanes, {speed['cores']} cores"
-    shown = printed(title, table(head, rows, "ntnnnnn"))
+    shown = terminal_table(title, table(head, rows, "ntnnnnn"))
     spoken = speed["scenario"]
     line = (
         f"{spoken['name']}: {spoken['hexes']} hexahedra, {spoken['steps']} time steps in {1e3 * spoken['loop_s']:.0f} ms, "

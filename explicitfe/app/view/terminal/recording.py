@@ -9,7 +9,7 @@ from rich.markup import escape
 
 from explicitfe.app.view.page.tables import table
 from explicitfe.app.view.terminal.files import file_lines
-from explicitfe.app.view.terminal.rows import pairs, printed
+from explicitfe.app.view.terminal.rows import pairs, terminal_table
 from explicitfe.results.measure.recording import ComparedAxis, ComparedSensor, RecordingComparison
 
 
@@ -32,7 +32,7 @@ def recording_tables(comparison: RecordingComparison) -> Group:
     )
     axes = ("forward\n(mm, r)", "up\n(mm, r)", "right\n(mm, r)")
     rows = [(name, point.sensor, *_cells(point)) for name, point in comparison.points.items()]
-    shown = printed(
+    shown = terminal_table(
         "rms distance, and rms after centring the paths; rms and correlation r of coordinates",
         table(("point", "sensor", "rms\n(mm)", "centred\n(mm)", *axes), rows, "ttnnnnn"),
     )

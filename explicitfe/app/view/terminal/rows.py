@@ -38,7 +38,7 @@ def pairs(title: str) -> Table:
     return table
 
 
-def printed(title: str, shown: PageTable | None, caption: str = "", without: str = "") -> Table:
+def terminal_table(title: str, shown: PageTable | None, caption: str = "", without: str = "") -> Table:
     """A table of a page in the terminal, without its bars and a column; numbers and short names are not folded."""
     table = Table(title=escape(title), title_justify="left", caption=escape(caption) or None, caption_justify="left")
     if shown is None:

@@ -7,7 +7,7 @@ from rich.markup import escape
 
 from explicitfe.app.view.page.tables import table
 from explicitfe.app.view.terminal.files import file_lines
-from explicitfe.app.view.terminal.rows import pairs, printed
+from explicitfe.app.view.terminal.rows import pairs, terminal_table
 from explicitfe.platform.host.shipped import name_of
 from explicitfe.results.documents.sweep_summary import SweepMembers, SweepReport, SweepSummary
 
@@ -36,7 +36,7 @@ def sweep_table(summary: SweepSummary) -> RenderableType:
 def runs_table(listed: SweepMembers) -> RenderableType:
     """The runs that are not computed yet."""
     rows = [(str(run["member"]), run["name"], " ".join(run["settings"])) for run in listed["members"]]
-    return printed(f"runs to compute for {listed['sweep']}", table(("run", "name", "settings"), rows, "ntt"))
+    return terminal_table(f"runs to compute for {listed['sweep']}", table(("run", "name", "settings"), rows, "ntt"))
 
 
 def sweep_report_table(answer: SweepReport) -> RenderableType:

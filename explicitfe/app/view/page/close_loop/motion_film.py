@@ -111,7 +111,7 @@ class _Stage:
         upper, lower = self.figure.subfigures(2, 1, squeeze=False, height_ratios=[height_in + TITLES_IN, HISTORY_IN]).ravel()
         panels = upper.subplots(1, len(answers), squeeze=False, sharey=True)[0]
         for axes in panels:
-            (body,) = axes.plot(*_joined(outline), color="0.6", lw=1.0, zorder=0)
+            (body,) = axes.plot(*_one_line(outline), color="0.6", lw=1.0, zorder=0)
             axes.set_xlim(low[0] - margin, high[0] + margin)
             axes.set_ylim(low[1] - margin, high[1] + margin)
             axes.set_aspect("equal")
@@ -191,14 +191,14 @@ class _Panel:
         gaps = np.stack([self.measured[row], self.model[row]], axis=1)
         paths = (path.swapaxes(0, 1) for path in (self.measured[whole], self.model[whole], self.measured[trail]))
         for line, pieces in zip(self.lines, (*paths, gaps), strict=True):
-            line.set_data(*_joined(pieces))
+            line.set_data(*_one_line(pieces))
         self.dots.set_data(*self.model[row].T)
         self.circles.set_data(*self.measured[row].T)
         for artist in (*self.lines, self.dots, self.circles):
             self.axes.draw_artist(artist)
 
 
-def _joined(pieces: np.ndarray) -> np.ndarray:
+def _one_line(pieces: np.ndarray) -> np.ndarray:
     """Lines (n, k, 2) as one line (2, n (k + 1)) with gaps."""
     gaps = np.full((len(pieces), 1, 2), np.nan)
     line: np.ndarray = np.concatenate([pieces, gaps], axis=1).reshape(-1, 2).T

@@ -38,7 +38,7 @@ ROWS_WITHOUT_MEAN, SHARE_OF_A_MEAN = 200, 60
 # Up to so many standard deviations a linear scale shows both the noise and the misfit; a larger misfit is drawn by its logarithm
 # from two standard deviations on, where a decade takes as much room as this factor times one standard deviation.
 LINEAR_SCALE_SD, SD_OF_A_DECADE = 20.0, 2.5
-FIGURE_WIDTH_IN, ROW_HEIGHT_IN = 11.8, 2.5
+FIGURE_WIDTH_IN, ROW_OF_CHARTS_HEIGHT_IN = 11.8, 2.5
 
 
 @dataclass(frozen=True)
@@ -117,8 +117,8 @@ def causes_figure(report: LoopReport) -> Figure:
 def figure_of(charts: Sequence[Chart | None], columns: int, otherwise: str = "No curve to show.") -> Figure:
     """Charts as one figure; without any, a sentence."""
     if not charts:
-        return _only_words(new_figure(FIGURE_WIDTH_IN, ROW_HEIGHT_IN, PAGE_DOTS_PER_INCH), otherwise)
-    figure = new_figure(FIGURE_WIDTH_IN, 0.6 + ROW_HEIGHT_IN * -(-len(charts) // columns), PAGE_DOTS_PER_INCH)
+        return _only_words(new_figure(FIGURE_WIDTH_IN, ROW_OF_CHARTS_HEIGHT_IN, PAGE_DOTS_PER_INCH), otherwise)
+    figure = new_figure(FIGURE_WIDTH_IN, 0.6 + ROW_OF_CHARTS_HEIGHT_IN * -(-len(charts) // columns), PAGE_DOTS_PER_INCH)
     draw_charts(figure, charts, columns)
     return figure
 
@@ -146,7 +146,7 @@ def curve_charts(report: LoopReport, curves: Sequence[ReportCurve]) -> list[Char
         lines = [Line(name, at.x, values, colour=colour, dash=dash) for name, values, colour, dash in _models(report, curve)]
         lines.append(Line("measured", at.x[dots], measured[dots], "dots", DATA_COLOUR))
         title = f"{shortened(curve.id, 58)}, {_score(report, curve)}"
-        charts.append(chart(title, lines, x_label=at.label, y_label=curve.y_label, x_marks=at.marks, spans=at.shaded))
+        charts.append(chart(title, lines, x_label=at.label, y_label=curve.y_label, marks=(at.marks, ()), spans=at.shaded))
     return [one for one in charts if one is not None]
 
 
@@ -193,8 +193,7 @@ def residual_charts(report: LoopReport, curves: Sequence[ReportCurve]) -> list[C
                 x_label=at.label,
                 y_label=f"residual ({'sd of noise' if in_noise else '%'})",
                 y_range=(low, high_end) if reach > 0.0 else None,
-                x_marks=at.marks,
-                y_marks=marks,
+                marks=(at.marks, marks),
                 spans=at.shaded,
             )
         )
@@ -243,16 +242,16 @@ def sensitivity_charts(report: LoopReport) -> list[Chart | None]:
             if finite(usual) and usual:
                 times = np.array([one.value / usual if one and finite(one.value) else np.nan for one in fitted])
                 label = f"{quantity(report, name[0]).split(' (')[0]}{f', {name[1]}' if name[1] else ''}"
-                constants += _marked(shortened(label, 24), at, times, differs, colour)
+                constants += _line_with_dots(shortened(label, 24), at, times, differs, colour)
         errors = np.array([100.0 * row.error_fit if finite(row.error_fit) else np.nan for row in rows])
         error_lines, x_label, x_marks = (
-            _marked("", at, errors, differs, DATA_COLOUR),
+            _line_with_dots("", at, errors, differs, DATA_COLOUR),
             quantity(report, key),
             [*zip(at.tolist(), words, strict=True)],
         )
         charts += [
-            chart("", constants, x_label=x_label, y_label="constant, times that above", y_range=(0.9, 1.1), x_marks=x_marks),
-            chart("", error_lines, x_label=x_label, y_label="error of the fit (%)", y_range=(0.0, 0.0), x_marks=x_marks),
+            chart("", constants, x_label=x_label, y_label="constant, times that above", y_range=(0.9, 1.1), marks=(x_marks, ())),
+            chart("", error_lines, x_label=x_label, y_label="error of the fit (%)", y_range=(0.0, 0.0), marks=(x_marks, ())),
         ]
     return charts
 
@@ -262,7 +261,7 @@ def _value_order(row: AssumedValue) -> float:
     return float(row.value) if finite(row.value) else math.inf
 
 
-def _marked(name: str, at: np.ndarray, values: np.ndarray, differs: np.ndarray, colour: int) -> list[Line]:
+def _line_with_dots(name: str, at: np.ndarray, values: np.ndarray, differs: np.ndarray, colour: int) -> list[Line]:
     """A line with dots, in the colour of ``before`` where the verdict is another."""
     other = Line("", at[differs], values[differs], "dots", BEFORE_COLOUR)
     return [Line(name, at, values, colour=colour), Line("", at, values, "dots", colour), other]

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from itertools import zip_longest
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -32,11 +33,12 @@ BALANCE_TITLE = "Energy balance: stored (dark) and dissipated (pale) energies ad
 
 
 class PlannedChart(NamedTuple):
-    """Title, series and other arguments of a chart, which shares its axes with the same chart of other results."""
+    """A chart that shares its axes with the same chart of other results: ``draw`` makes it when it is given their series."""
 
     title: str
     series: list[Line]
-    rest: dict[str, Any]
+    draw: Callable[..., Chart | None]
+    numerical: bool = False
 
 
 def charts_of(results: Sequence[Result], measured: Sequence[Measures | None] = ()) -> list[list[Chart]]:
@@ -48,10 +50,12 @@ def charts_of(results: Sequence[Result], measured: Sequence[Measures | None] = (
     alike: dict[str, list[Line]] = {}
     for plan in (plan for own in plans for plan in own):
         alike.setdefault(plan.title, []).extend(plan.series)
-    return [
-        [drawn for title, lines, rest in own if (drawn := chart(title, lines, alike=alike[title], **rest)) is not None]
-        for own in plans
-    ]
+    charts = []
+    for result, own in zip(results, plans, strict=True):
+        follows = "indentation" if kind_of(result.model) == "relaxation" else "time"
+        shown = [(plan, plan.draw(plan.title, plan.series, alike=alike[plan.title])) for plan in own]
+        charts.append([replace(one, follows=follows, numerical=plan.numerical) for plan, one in shown if one is not None])
+    return charts
 
 
 def _plans(result: Result, measures: Measures | None) -> list[PlannedChart]:
@@ -68,8 +72,8 @@ def _time_charts(result: Result, measures: Measures | None) -> list[PlannedChart
 
     def add(title: str, y_label: str, series: list[Line], logarithmic: bool = False, numerical: bool = False) -> None:
         if series:
-            axes = {"x_label": TIME_LABEL, "y_label": y_label, "follows": "time", "spans": spans}
-            plans.append(PlannedChart(title, series, {**axes, "logarithmic": logarithmic, "numerical": numerical}))
+            draw = partial(chart, x_label=TIME_LABEL, y_label=y_label, spans=spans, logarithmic=logarithmic)
+            plans.append(PlannedChart(title, series, draw, numerical))
 
     add(f"Leak: widest open way (dashed: closed below {1e3 * TOUCHING_GAP_M:g} mm)", "mm", _leak_lines(result, measures))
     courses = [(muscle, *activation(muscle, times[-1])) for muscle in muscles]
@@ -157,8 +161,8 @@ def _leak_lines(result: Result, measures: Measures | None) -> list[Line]:
 
 
 def _tool_charts(result: Result) -> list[PlannedChart]:
-    axes = {"x_label": TOOL_LABEL, "y_label": "N", "follows": "indentation"}
-    return [PlannedChart("Tool force (whole tool)", tool_lines(result), axes)]
+    draw = partial(chart, x_label=TOOL_LABEL, y_label="N")
+    return [PlannedChart("Tool force (whole tool)", tool_lines(result), draw)]
 
 
 def tool_lines(result: Result) -> list[Line]:

@@ -108,7 +108,7 @@ def _chart(effect: MainEffect, measure: SweepColumn, y_range: tuple[float, float
         y_label=measure.title,
         x_range=(-0.5, len(factor.levels) - 0.5) if factor.levels else None,
         y_range=y_range,
-        x_marks=list(enumerate(factor.levels)),
+        marks=(list(enumerate(factor.levels)), ()),
     )
 
 

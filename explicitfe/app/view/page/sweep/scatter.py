@@ -108,8 +108,8 @@ def scatter_chart(sweep: SweepToDraw, x: SweepColumn, y: SweepColumn, rows: np.n
         for number, status in enumerate(statuses_of(sweep))
     ]
     x_range = (-0.5, len(x.levels) - 0.5) if x.levels else None
-    y_marks = list(enumerate(y.levels))
-    return chart("", lines, x_label=x.title, y_label=y.title, x_range=x_range, x_marks=list(enumerate(x.levels)), y_marks=y_marks)
+    marks = (list(enumerate(x.levels)), list(enumerate(y.levels)))
+    return chart("", lines, x_label=x.title, y_label=y.title, x_range=x_range, marks=marks)
 
 
 def _groups(sweep: SweepToDraw, x: SweepColumn, y: SweepColumn) -> list[tuple[str, list[Choice]]]:

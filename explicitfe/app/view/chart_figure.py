@@ -21,7 +21,7 @@ def draw_charts(
 ) -> list[Axes]:
     """Draw charts row by row into panels of a figure; None leaves a panel empty.
 
-    Panels with the same names of series share a legend. A legend below the figure serves all panels if no panel has other names.
+    Below panels side by side, or with the same names of series, stands one legend; other panels have their own at the right.
     ``heights`` of the rows are shares; all the same if left out.
 
     Returns
@@ -37,12 +37,13 @@ def draw_charts(
             draw_chart(axes, shown)
             drawn.append(axes)
     named = {tuple(entries[1]): (axes, entries) for axes in drawn[::-1] if (entries := axes.get_legend_handles_labels())[1]}
+    if columns > 1 or len(named) == 1:
+        handles = {label: handle for _, entries in named.values() for handle, label in zip(*entries, strict=True)}
+        ncols = max(1, min(LEGEND_COLUMNS, len(handles)))
+        figure.legend(handles.values(), handles, loc="outside lower left", ncols=ncols, frameon=False, fontsize=LETTER_SIZE)
+        return drawn
     for axes, entries in named.values():
-        if len(named) == 1:
-            ncols = min(LEGEND_COLUMNS, len(entries[1]))
-            figure.legend(*entries, loc="outside lower left", ncols=ncols, frameon=False, fontsize=LETTER_SIZE)
-        else:
-            axes.legend(*entries, loc="center left", bbox_to_anchor=(1.01, 0.5), frameon=False, fontsize=SMALL_LETTER_SIZE)
+        axes.legend(*entries, loc="center left", bbox_to_anchor=(1.01, 0.5), frameon=False, fontsize=SMALL_LETTER_SIZE)
     return drawn
 
 

@@ -78,7 +78,7 @@ def _spectrum(report: LoopReport, one: MovingMarkers) -> Chart | None:
     spectra = [("measured", amplitude, DATA_COLOUR, 0)]
     for name, path, colour, dash in _models(report, one):
         residual = amplitude_spectrum(one.time_s, path[:, marker, axis] - measured)[1]
-        spectra.append((f"residual {name.partition(':')[0]}", residual, colour, dash))
+        spectra.append((name, residual, colour, dash))
     lines = [
         Line(name, frequency[shown], np.where(y >= least, y, np.nan)[shown], colour=colour, dash=dash)
         for name, y, colour, dash in spectra

@@ -111,6 +111,10 @@ def causes_figure(report: LoopReport) -> Figure:
     axes.set_xlabel("probability that the cause is present", fontsize=10)
     plain(axes)
     axes.grid(visible=False)
+    for kind in [kind for kind in ("present", "undecided", "absent") if any(bar.kind == kind for bar in bars)]:
+        axes.bar(0.0, 0.0, color=BAR_COLOURS[kind], label=kind)
+    if axes.get_legend_handles_labels()[0]:
+        figure.legend(loc="outside upper right", ncols=3, frameon=False, fontsize=9)
     return figure
 
 

@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from explicitfe.results.documents.run_summary import CheckReport, RunSummary
 
 
-# Names in the first column of a table are not folded up to this length, nor are heads over narrower numbers up to that one.
-LONGEST_NAME_NOT_FOLDED, LONGEST_HEAD = 24, 16
+# Names in the first column of a table are not folded up to this length, words of other columns and heads not up to those.
+LONGEST_NAME_NOT_FOLDED, LONGEST_WORD_NOT_FOLDED, LONGEST_HEAD = 24, 10, 12
 
 
 class StoredTimes(NamedTuple):
@@ -47,7 +47,7 @@ def terminal_table(title: str, shown: PageTable | None, caption: str = "", witho
     rows = [([str(row.cells[k]) for k, _ in columns], row.chosen) for row in shown.rows]
     for place, (_, column) in enumerate(columns):
         width = max(len(line) for cells, _ in rows for line in cells[place].split("\n"))
-        is_whole = column.kind == "n" or (place == 0 and width <= LONGEST_NAME_NOT_FOLDED)
+        is_whole = column.kind == "n" or width <= (LONGEST_WORD_NOT_FOLDED if place else LONGEST_NAME_NOT_FOLDED)
         lines = wrap(column.head, max(width, LONGEST_HEAD)) if is_whole and "\n" not in column.head else [column.head]
         justify: Literal["right", "left"] = "right" if column.kind == "n" else "left"
         table.add_column(escape("\n".join(lines)), justify=justify, no_wrap=is_whole, overflow="fold")

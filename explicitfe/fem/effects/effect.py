@@ -322,8 +322,6 @@ class MaterialEffect(Effect):
 
     def values_along(self, increments_s: np.ndarray) -> np.ndarray:
         """``values`` (n, numbers) of each of n time increments [s]."""
-        if not self.transient:
-            return np.tile(self.values(0.0), (len(increments_s), 1))
         return np.array([self.values(float(increment)) for increment in increments_s])
 
 

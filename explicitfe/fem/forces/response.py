@@ -25,8 +25,10 @@ from explicitfe.platform.errors import InputError, nearest
 law_stress = law_delta_slope = law_energy = law_isochoric = law_slopes = PLACEHOLDER
 invariants = raised = lowered = stiffened = total = second_stress = PLACEHOLDER
 stiffen = soften = recoverable = pull = relax = branch_energy = dilate = dilation_energy = drain = held = PLACEHOLDER
-first_leaf = second_leaf = PLACEHOLDER
+first_leaf = second_leaf = nobody_leaf = PLACEHOLDER
 LAW_CONSTANTS = 1
+AT = 0
+COUNTS_WORK = 1  # 0 where nobody asks for the work of the stress
 
 # Where the work of the stress is remembered, before what effects remember: F (9), P (9), delta, slope, work.
 WORK_P, WORK_DELTA, WORK_SLOPE, WORK_DONE, WORK_MEMORY = 9, 18, 19, 20, 21
@@ -82,6 +84,8 @@ def with_effects(F, cof, J, delta, c, blocks, block):
         F[6] * T[4] + F[7] * T[5] + F[8] * T[2] + p * cof[8],
     )
     slope = total(slopes) * share
+    if not COUNTS_WORK:
+        return P, slope
     work = remembered(blocks, block, WORK_DONE)
     change = delta - remembered(blocks, block, WORK_DELTA)
     work = work + 0.5 * (slope + remembered(blocks, block, WORK_SLOPE)) * change
@@ -194,6 +198,13 @@ def both_pull(F, square, inverse, blocks, block):
     return plus(a, b), one_energy + other_energy
 
 
+def if_present(*arguments):
+    """The leaf of an effect whose strength, its first number, is not 0; else that of no effect. Blocks and block are last."""
+    if arguments[-2].effects[arguments[-1], AT, 0] == 0.0:
+        return nobody_leaf(*arguments)
+    return first_leaf(*arguments)
+
+
 @dataclass(frozen=True)
 class Slot:
     """A place in the response that leaves of effects can fill.
@@ -282,18 +293,21 @@ def layout_of(effects: Sequence[MaterialEffect]) -> Layout:
     return tuple(layout)
 
 
-def bound(law: Leaves, layout: Layout) -> tuple[Dispatcher, Dispatcher]:
-    """Stress and energy of a law with effects, from their places."""
+def bound(law: Leaves, layout: Layout, counts_work: bool = True) -> tuple[Dispatcher, Dispatcher]:
+    """Stress and energy of a law with effects, from their places; the energy needs the work of the stress to be counted."""
     if not layout:
         return (
             bind(elastic, inline=True, law_stress=law.stress, law_delta_slope=law.delta_slope),
             bind(elastic_energy, inline=True, law_energy=law.energy),
         )
     leaves = {name: slot.nobody for name, slot in SLOTS.items()}
+    may_be_absent = any("NONLINEAR" in dict(place.shape) for place in layout)  # see effects/complete.py
     filled: set[str] = set()
     for place in layout:
         for name, template in place.effect.leaves().items():
             own = _bound_where_read(template, {"AT": place.at, "MEMORY": place.memory, **dict(place.shape)})
+            if may_be_absent and not place.shape:
+                own = bind(if_present, inline=True, first_leaf=own, nobody_leaf=SLOTS[name].nobody, AT=place.at)
             both = SLOTS[name].both
             if name in filled and both is not None:
                 own = bind(both, inline=True, first_leaf=leaves[name], second_leaf=own)
@@ -304,6 +318,7 @@ def bound(law: Leaves, layout: Layout) -> tuple[Dispatcher, Dispatcher]:
         "law_isochoric": law.isochoric_at,
         "law_slopes": law.slopes_at,
         "LAW_CONSTANTS": law.count,
+        "COUNTS_WORK": int(counts_work),
         **{name: getattr(kind, name) for name in ("invariants", "raised", "lowered", "stiffened", "total", "second_stress")},
         **leaves,
     }

@@ -36,8 +36,9 @@ def nominal_stress(law: Law, mode: Mode, imposed: np.ndarray) -> np.ndarray:
         stretch = 0.5 * (imposed + np.sqrt(imposed * imposed + 4.0))
         b = law.stretch_derivative(np.stack([stretch, 1.0 / stretch, np.ones_like(stretch)]))
         return (b[0] - b[1]) / (stretch + 1.0 / stretch)
-    J = np.ones_like(imposed)
-    for _ in range(0 if law.poisson == INCOMPRESSIBLE else MOST_STRETCH_ITERATIONS):
+    incompressible = law.poisson == INCOMPRESSIBLE
+    J = np.ones(1) if incompressible else np.ones_like(imposed)
+    for _ in range(0 if incompressible else MOST_STRETCH_ITERATIONS):
         # The slope may come from real parts: it decides only how fast the iteration converges.
         slope = _on_free_side(law, mode, imposed.real, J.real + 1j * COMPLEX_STEP).imag / COMPLEX_STEP
         change = _on_free_side(law, mode, imposed, J) / slope

@@ -395,7 +395,7 @@ class Revolution:
     def _set_increment(self, increment_s: float) -> None:
         if self.main.materials and increment_s != self._increment:
             for one in (self.main, *self.variants):
-                values = [value for effect in one.materials for value in effect.values_along(np.array([increment_s]))[0]]
+                values = [value for effect in one.materials for value in effect.values(increment_s)]
                 one.blocks.effects[:] = np.array(values)[None, :, None] if values else 0.0
             self.newton.forget_factors()
         self._increment = increment_s

@@ -13,8 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from explicitfe.fem.effects.complete import AnySeries, complete
+from explicitfe.fem.effects.complete import complete
 from explicitfe.fem.effects.effect import MaterialEffect
+from explicitfe.fem.effects.material.nonlinear_relaxation import NonlinearSeries
 from explicitfe.fem.forces import response
 from explicitfe.fem.materials import Law, law_of
 from explicitfe.fem.materials.kinematics import cofactor, determinant
@@ -62,7 +63,7 @@ def follow(imposed, kind, ends, powers, modes, volumes, numbers, blocks, states,
     kind : BY_FORCE, BY_DEPTH or TIED.
     ends : smallest and largest share.
     powers, modes, volumes : (k,), (k * blocks, 9, W) and (blocks, W) of the family; force = sum of volume x P : dF / d share.
-    numbers : (n, j) numbers of the effects for the increment that ends at each instant.
+    numbers : of the effects at the instants.
     states, columns : (2 * blocks, 9, W) and (2, k) work arrays.
     answers : (n, 2) receives the share and the force.
     """
@@ -72,11 +73,11 @@ def follow(imposed, kind, ends, powers, modes, volumes, numbers, blocks, states,
     for goal in imposed:
         largest = max(largest, abs(goal))
     tolerance = FORCE_TOLERANCE * largest
+    for k in range(len(numbers.steady)):
+        blocks.effects[:, k] = numbers.steady[k]
     for instant in range(len(imposed)):
-        for block in range(count):
-            for k in range(numbers.shape[1]):
-                for lane in range(WIDTH):
-                    blocks.effects[block, k, lane] = numbers[instant, k]
+        for k in range(len(numbers.places)):
+            blocks.effects[:, numbers.places[k]] = numbers.moving[instant, k]
         goal = imposed[instant]
         low, high = ends[0], ends[1]
         below, above, side = -np.inf, np.inf, 0
@@ -190,8 +191,8 @@ class Family:
         ------
         RunError : a state has no finite stress.
         """
-        effects = complete(effects or [AnySeries()])
-        answers = np.zeros((len(imposed), 2))
+        effects = complete(effects or [NonlinearSeries()])
+        answers, increments = np.zeros((len(imposed), 2)), np.diff(time_s, prepend=time_s[0])
         done = _kernel(law.law, response.layout_of(effects))(
             np.ascontiguousarray(imposed, dtype=float),
             kind,
@@ -199,7 +200,7 @@ class Family:
             self.powers,
             self.modes.reshape(-1, 9, WIDTH),
             self.volumes,
-            numbers_along(effects, time_s),
+            numbers_along(effects, increments),
             blocks_at_rest(law, effects, self.volumes.size),
             np.zeros((2 * len(self.volumes), 9, WIDTH)),
             np.zeros((2, len(self.powers))),

@@ -22,8 +22,7 @@ class EffectsBase(Table):
     @property
     def chosen(self) -> tuple[Effect, ...]:
         """The effects that the table states, in its order."""
-        effects = (getattr(self, name) for name in type(self).model_fields)
-        return tuple(effect for effect in effects if effect is not None)
+        return tuple(effect for effect in vars(self).values() if effect is not None)
 
     def without(self, effects: Sequence[Effect]) -> Self:
         """The table without these effects."""

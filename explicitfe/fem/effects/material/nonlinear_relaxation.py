@@ -15,7 +15,7 @@ from pydantic import Field
 
 from explicitfe.fem.effects.affected import ModelT
 from explicitfe.fem.effects.effect import Description, Effect, MaterialEffect, Sought, in_materials
-from explicitfe.fem.effects.material.viscoelastic import Viscoelastic, note_invariant
+from explicitfe.fem.effects.material.viscoelastic import PronySeries, Viscoelastic, note_invariant
 from explicitfe.platform.compiled.jit import Template
 from explicitfe.platform.errors import InputError
 
@@ -62,25 +62,34 @@ class NonlinearRelaxation(Effect):
         return in_materials(self, model)
 
 
-class NonlinearSeries(Viscoelastic):
-    """A Prony series whose branches stiffen with strain."""
+class NonlinearSeries(PronySeries):
+    """Any Prony series, whose branches may stiffen with strain; its kernel reads the number of terms."""
 
+    about: ClassVar[Description] = Viscoelastic.about
+    sought: ClassVar[Mapping[str, Sought]] = {}
+    g: tuple[float, ...] = ()
+    tau_s: tuple[float, ...] = ()
     exponent: float = 0.0
 
     @property
-    def memory(self) -> int:
-        return super().memory + 1
+    def strength(self) -> float:
+        return sum(self.g)
+
+    @property
+    def series(self) -> tuple[np.ndarray, np.ndarray]:
+        return np.array(self.g), np.array(self.tau_s)
+
+    @property
+    def head(self) -> tuple[float, ...]:
+        return self.exponent, float(len(self.g))
 
     @property
     def shape(self) -> Mapping[str, int]:
-        return {**super().shape, "NONLINEAR": 1}
+        return {"NONLINEAR": 1}
 
     @classmethod
     def leaves(cls) -> Mapping[str, Template]:
         return {**super().leaves(), "stiffen": note_invariant}
-
-    def values_along(self, increments_s: np.ndarray) -> np.ndarray:
-        return np.column_stack([super().values_along(increments_s), np.full(len(increments_s), self.exponent)])
 
 
 def _with_exponent(effect: MaterialEffect, exponent: float) -> MaterialEffect:

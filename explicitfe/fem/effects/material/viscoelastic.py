@@ -35,7 +35,8 @@ AT = MEMORY = 0
 TERMS = 1
 # An increment that is no longer than this share of a relaxation time relaxes nothing: (1 - e^-x) / x is 1 to the last digit.
 SMALLEST_INCREMENT_TAU = 1e-300
-NONLINEAR = 0  # 1 where the branches stiffen with strain in their own way, see nonlinear_relaxation.py
+# 1 where the branches stiffen with strain in their own way, and one kernel serves any number of terms: nonlinear_relaxation.py
+NONLINEAR = 0
 
 
 class PronySeries(MaterialEffect):
@@ -54,12 +55,25 @@ class PronySeries(MaterialEffect):
         return 1.0 - float(np.sum(self.series[0]))
 
     @property
+    def transient(self) -> bool:
+        return len(self.series[0]) > 0
+
+    @property
+    def numbers(self) -> int:
+        return 1 + len(self.head) + 3 * len(self.series[0])
+
+    @property
     def memory(self) -> int:
-        return 6 + 6 * self.shape["TERMS"]
+        return 6 + self.shape.get("NONLINEAR", 0) + 6 * len(self.series[0])
 
     @property
     def shape(self) -> Mapping[str, int]:
         return {"TERMS": len(self.series[0])}
+
+    @property
+    def head(self) -> tuple[float, ...]:
+        """Numbers of its leaves between 1 - sum g and those of the terms."""
+        return ()
 
     @classmethod
     def leaves(cls) -> Mapping[str, Template]:
@@ -69,11 +83,13 @@ class PronySeries(MaterialEffect):
         return tuple(self.values_along(np.array([increment_s]))[0].tolist())
 
     def values_along(self, increments_s: np.ndarray) -> np.ndarray:
-        """1 - sum g, and of each term g (1 - e^-x) / x, e^-x and g, with x = increment / tau."""
+        """1 - sum g, ``head``, and of each term g (1 - e^-x) / x, e^-x and g, with x = increment / tau."""
         g, tau_s = self.series
         x = np.maximum(increments_s[:, None] / tau_s, SMALLEST_INCREMENT_TAU)
-        terms = np.stack([g * (-np.expm1(-x) / x), np.exp(-x), np.broadcast_to(g, x.shape)], axis=2)
-        return np.column_stack([np.full(len(x), 1.0 - np.sum(g)), terms.reshape(len(x), -1)])
+        values, first = np.empty((len(x), self.numbers)), self.numbers - 3 * len(g)
+        values[:, :first] = 1.0 - np.sum(g), *self.head
+        values[:, first::3], values[:, first + 1 :: 3], values[:, first + 2 :: 3] = g * (-np.expm1(-x) / x), np.exp(-x), g
+        return values
 
 
 class Viscoelastic(PronySeries):
@@ -142,7 +158,7 @@ def from_damping(law: Law, beta_s: float, tau_s: float) -> tuple[Law, Viscoelast
 
 def note_invariant(I1_bar, blocks, block):
     """Nothing is added to the slope or the energy; the leaf that relaxes reads I1_bar."""
-    remember(blocks, block, MEMORY + 6 + 6 * TERMS, I1_bar)
+    remember(blocks, block, MEMORY + 6, I1_bar)
     return 0.0 * I1_bar, 0.0 * I1_bar
 
 
@@ -154,14 +170,16 @@ def relax(S, blocks, block):
     """
     left = number(blocks, block, AT)
     T = times(left, S)
-    if NONLINEAR:
-        I1_bar = load(blocks.new, (block * blocks.new.shape[1] + MEMORY + 6 + 6 * TERMS) * WIDTH)
-        S = times(exp(number(blocks, block, AT + 1 + 3 * TERMS) * log(I1_bar * (1.0 / 3.0))), S)
+    if NONLINEAR and blocks.effects[block, AT + 1, 0] != 0.0:
+        I1_bar = load(blocks.new, (block * blocks.new.shape[1] + MEMORY + 6) * WIDTH)
+        S = times(exp(number(blocks, block, AT + 1) * log(I1_bar * (1.0 / 3.0))), S)
     change = minus(S, remembered_tensor(blocks, block, MEMORY))
     remember_tensor(blocks, block, MEMORY, S)
-    for term in range(TERMS):
-        gain, decay = number(blocks, block, AT + 1 + 3 * term), number(blocks, block, AT + 2 + 3 * term)
-        T = plus(T, renew(blocks, block, MEMORY + 6 + 6 * term, decay, gain, change))
+    terms = int(blocks.effects[block, AT + 2, 0]) if NONLINEAR else TERMS
+    head, held = AT + 1 + 2 * NONLINEAR, MEMORY + 6 + NONLINEAR
+    for term in range(terms):
+        gain, decay = number(blocks, block, head + 3 * term), number(blocks, block, head + 1 + 3 * term)
+        T = plus(T, renew(blocks, block, held + 6 * term, decay, gain, change))
     return T, left
 
 
@@ -171,7 +189,9 @@ def branch_energy(C, modulus, blocks, block):
     G is the ``modulus`` [Pa] of a sudden small shear from here.
     """
     energy = 0.0 * modulus
-    for term in range(TERMS):
-        square = squared_size(remembered_tensor(blocks, block, MEMORY + 6 + 6 * term), C)
-        energy = energy + square / (4.0 * modulus * number(blocks, block, AT + 3 + 3 * term) + 1e-200)
+    terms = int(blocks.effects[block, AT + 2, 0]) if NONLINEAR else TERMS
+    head, held = AT + 1 + 2 * NONLINEAR, MEMORY + 6 + NONLINEAR
+    for term in range(terms):
+        square = squared_size(remembered_tensor(blocks, block, held + 6 * term), C)
+        energy = energy + square / (4.0 * modulus * number(blocks, block, head + 2 + 3 * term) + 1e-200)
     return number(blocks, block, AT), energy

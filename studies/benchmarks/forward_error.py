@@ -40,7 +40,7 @@ from explicitfe.inverse.measured.curve import Curve
 from explicitfe.inverse.measured.tables import MeasuredNoise, MeasuredSpecimen, MeasuredTool
 from explicitfe.inverse.predict.correction import Correction, Job, Run, corrections_of
 from explicitfe.inverse.predict.predict import predict_test
-from explicitfe.inverse.predict.tissue import EVERY, Constants, Tissue, parse_tissue
+from explicitfe.inverse.predict.tissue import EVERY, Constants, Tissue
 from studies.blind.foreign import axisymmetric
 from studies.blind.foreign.axisymmetric import Drive, Press, RoundSpecimen
 from studies.blind.foreign.contact import RigidTool
@@ -198,7 +198,7 @@ def stated_sd(correction: Correction, depth_m: np.ndarray) -> np.ndarray:
 
 def run(jobs: list[Job]) -> list[Run]:
     """Compute tests one after the other."""
-    return [[answer.values for answer in predict_test(test, parse_tissue(text))] for test, text in jobs]
+    return [[answer.values for answer in predict_test(test, tissue)] for test, tissue in jobs]
 
 
 if __name__ == "__main__":

@@ -27,7 +27,7 @@ from explicitfe.inverse.measured.curve import Curve, SpecimenDataset, programme_
 from explicitfe.inverse.measured.tables import MeasuredNoise
 from explicitfe.inverse.predict.correction import Job, Run
 from explicitfe.inverse.predict.predict import predict_test
-from explicitfe.inverse.predict.tissue import EVERY, Constants, Numerics, Tissue, parse_tissue
+from explicitfe.inverse.predict.tissue import EVERY, Constants, Numerics, Tissue
 from explicitfe.platform.errors import RunError
 
 FORCE_SD_N, DISPLACEMENT_SD_MM = 0.002, 0.01
@@ -56,8 +56,8 @@ def runner(largest_depth_m: float = np.inf) -> Callable[[list[Job]], list[Run]]:
     """Answers in closed form; a depth beyond the largest one cannot be computed."""
 
     def answer(job: Job) -> Run:
-        (one,), text = job
-        constants = parse_tissue(text).constants[EVERY]
+        (one,), tissue = job
+        constants = tissue.constants[EVERY]
         force = force_of(DEPTHS_m, constants.C10_Pa, constants.C20_Pa)
         imposed = programme_of(one)
         by_force = one.imposed == "force_N"
@@ -74,7 +74,7 @@ def baseline(run: Callable[[list[Job]], list[Run]]) -> Baseline:
 
 
 def carried(one: Curve, constants: tuple[float, float], run: Callable[[list[Job]], list[Run]]) -> Run:
-    (answer,) = run([((one,), baseline(run).tissue(*constants).text)])
+    (answer,) = run([((one,), baseline(run).tissue(*constants))])
     return answer
 
 
@@ -140,7 +140,7 @@ def test_stiffer_constants_where_known_effects_soften():
     one, usual = curve(force_of(depth, 200.0, 0.0), depth), runner()
 
     def run(jobs: Sequence[Job]) -> list[Run]:
-        soft = [test[0].imposed == "force_N" and parse_tissue(text).constants[EVERY].C10_Pa < 400.0 for test, text in jobs]
+        soft = [test[0].imposed == "force_N" and tissue.constants[EVERY].C10_Pa < 400.0 for test, tissue in jobs]
         return ["too soft" if failed else answer for failed, answer in zip(soft, usual(list(jobs)), strict=True)]
 
     first, _ = first_constants([one], baseline(run))

@@ -23,7 +23,7 @@ from explicitfe.fem.materials.yeoh import Yeoh
 from explicitfe.inverse.close_loop.statistics.protocol import estimate_protocol
 from explicitfe.inverse.measured.curve import Curve, programme_of
 from explicitfe.inverse.measured.tables import MeasuredNoise
-from explicitfe.inverse.predict.homogeneous import predict_homogeneous
+from explicitfe.inverse.predict.homogeneous import HomogeneousTest, predict_homogeneous
 
 pytestmark = pytest.mark.slow
 
@@ -69,7 +69,8 @@ def _true_curves() -> Iterator[Curve]:
 
 
 def _answer(curve: Curve, law: Yeoh, effects: tuple[Effect, ...] = ()) -> np.ndarray:
-    return predict_homogeneous([curve], law, effects)[0].values
+    ((answer,),) = predict_homogeneous([HomogeneousTest([curve], law, effects)])
+    return answer.values
 
 
 @cache

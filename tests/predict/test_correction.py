@@ -13,7 +13,7 @@ from explicitfe.inverse.measured.curve import Curve
 from explicitfe.inverse.measured.tables import MeasuredNoise, MeasuredSpecimen, MeasuredTool
 from explicitfe.inverse.predict.correction import Correction, Run, _correction, _ladder, corrections_of, ramp_of, smoothed
 from explicitfe.inverse.predict.predict import predict_test
-from explicitfe.inverse.predict.tissue import EVERY, Constants, Numerics, Tissue, parse_tissue
+from explicitfe.inverse.predict.tissue import EVERY, Constants, Numerics, Tissue
 
 COARSE = Numerics(section=0.4, finer=1.2)
 FINE = Numerics(section=1.8)
@@ -42,7 +42,7 @@ def tissue(numerics: Numerics, *effects: Effect, C20_Pa: float = 80.0) -> Tissue
 
 
 def run(jobs) -> list[Run]:
-    return [[answer.values for answer in predict_test(test, parse_tissue(text))] for test, text in jobs]
+    return [[answer.values for answer in predict_test(test, tissue)] for test, tissue in jobs]
 
 
 def answer(test: Curve, of: Tissue, correction: Correction | None = None) -> np.ndarray:

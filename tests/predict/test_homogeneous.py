@@ -8,14 +8,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from outside_data import SHARED_DATA, needs
+from support import block_mesh, model_of
 
-from explicitfe.fem.effects import EFFECTS, Effect
+from explicitfe.fem.effects import EFFECTS, Effect, with_leaves
 from explicitfe.fem.materials.yeoh import Yeoh
+from explicitfe.fem.solve import point
+from explicitfe.fem.solve.simulation import Simulation
 from explicitfe.inverse.close_loop.statistics.protocol import estimate_protocol
 from explicitfe.inverse.measured.curve import Curve, programme_of, sd_of
 from explicitfe.inverse.measured.read import read_dataset
 from explicitfe.inverse.measured.tables import MeasuredNoise, MeasuredSpecimen
-from explicitfe.inverse.predict.homogeneous import predict_homogeneous
+from explicitfe.inverse.predict.experiment import CurveAnswer
+from explicitfe.inverse.predict.homogeneous import HomogeneousTest, predict_homogeneous
+from explicitfe.platform.errors import RunError
 
 pytestmark = pytest.mark.slow
 
@@ -23,6 +28,7 @@ OTHER_PROGRAMS = SHARED_DATA / "other-programs"
 LAW = Yeoh(C10_Pa=300.0, C20_Pa=150.0, poisson=0.49999)
 KNOTS_S = np.array([0.0, 1.037, 4.411, 5.5037, 8.0])
 KNOTS = np.array([0.0, 0.3, 0.3, -0.1, 0.25])
+EDGE_M = 0.01
 
 
 def effect(name: str, **parameters) -> Effect:
@@ -41,8 +47,13 @@ def curve_of(time_s: np.ndarray, strain: np.ndarray, kind: str = "uniaxial") -> 
     )
 
 
+def answer_of(curve: Curve, law: Yeoh, effects: list[Effect]) -> CurveAnswer:
+    ((answer,),) = predict_homogeneous([HomogeneousTest([curve], law, effects)])
+    return answer
+
+
 def stress(curve: Curve, law: Yeoh, effects: list[Effect]) -> np.ndarray:
-    return predict_homogeneous([curve], law, effects)[0].values
+    return answer_of(curve, law, effects).values
 
 
 @pytest.mark.parametrize("kind", ["uniaxial", "shear"])
@@ -69,7 +80,7 @@ def test_a_corner_between_rows_acts_like_a_row(kind, reading):
 
 def instants(time_s: np.ndarray, strain: np.ndarray) -> int:
     """Number of states of an elastic prediction: one for each row and each corner."""
-    return predict_homogeneous([curve_of(time_s, strain)], LAW, [])[0].instants
+    return answer_of(curve_of(time_s, strain), LAW, []).instants
 
 
 def test_only_straight_parts_have_corners():
@@ -100,6 +111,88 @@ def test_increments_are_extrapolated(effects, record_property):
     error = np.abs(at_rows(rows) - exact).max() / np.abs(exact).max()
     record_property("error", error)
     assert error < 2e-3 / 9.0
+
+
+# ---- many tests at once against one after the other, on an element of a body ----
+
+
+def on_element(law: Yeoh, effects: list[Effect], time_s: np.ndarray, strain: np.ndarray, kind: str) -> np.ndarray:
+    """Nominal stress [Pa] of a cube of one hex8 element, without free sides at the stretches that the point has found."""
+    materials = with_leaves(effects)
+    F = np.tile(np.eye(3), (len(strain), 1, 1))
+    entry = (0, 2) if kind == "shear" else (2, 2)
+    F[:, *entry] = strain
+    _, F = point.path(law, materials, time_s, F, [] if kind == "shear" else [0, 1])
+    mesh = block_mesh((1, 1, 1), EDGE_M, distort=0.0)
+    body, stress = Simulation(model_of(mesh, law, effects=materials)), []
+    for gradient, increment_s in zip(F, np.diff(time_s, prepend=time_s[0]), strict=True):
+        body.set_increment(increment_s)
+        force = body.internal_force(mesh.points @ (gradient - np.eye(3)).T)
+        body.blocks.old[:] = body.blocks.new
+        faces = [force[mesh.node_sets[name]].sum(axis=0) / EDGE_M**2 for name in ("x1", "y1", "z1")]
+        stress.append([faces[2][entry[0]], *((faces[0][0], faces[1][1]) if kind != "shear" else ())])
+    sides = np.array(stress)[:, 1:]
+    assert np.abs(sides).max(initial=0.0) < 1e-8 * np.abs(stress).max()
+    return np.array(stress)[:, 0]
+
+
+def halved_on_element(law: Yeoh, effects: list[Effect], curve: Curve) -> np.ndarray:
+    """The answer to one curve with its increments halved until the stress changes by less than 0.2 % of its peak."""
+    rest, count = (0.0 if curve.kind == "shear" else 1.0), len(curve.time_s)
+    answers = []
+    for parts in (1, 2, 4, 8, 16, 32):
+        times = np.interp(np.arange((count - 1) * parts + 1) / parts, np.arange(count), curve.time_s)
+        imposed = np.interp(times, curve.time_s, programme_of(curve))
+        assert imposed[0] == rest
+        answers.append(on_element(law, effects, times, imposed, curve.kind)[::parts])
+        if not any(effect.remembers for effect in effects):
+            return answers[0]
+        if parts > 1 and np.abs(answers[-1] - answers[-2]).max() <= 2e-3 * np.abs(answers[-1]).max():
+            break
+    return answers[-1] + (answers[-1] - answers[-2]) / 3.0
+
+
+@pytest.mark.parametrize("kind", ["uniaxial", "shear"])
+@pytest.mark.parametrize(
+    "effects",
+    [
+        [],
+        [effect("third-yeoh", C30_Pa=80.0)],
+        [effect("viscoelastic", g=(0.3,), tau_s=(0.7,))],
+        [RELAXATION, effect("nonlinear-relaxation", exponent=0.8)],
+        [effect("fractional", g=0.6, alpha=0.4, tau_s=1.0)],
+        [effect("softening", inverse_r=0.4, m_Pa=5.0, beta=0.15), effect("permanent-set", modulus_Pa=60.0)],
+        [RELAXATION, effect("payne", modulus_Pa=80.0, yield_shear=0.05), effect("fibres", k1_Pa=100.0)],
+    ],
+    ids=lambda effects: "+".join(type(e).__name__ for e in effects) or "elastic",
+)
+def test_tests_together_answer_as_elements_do(kind, effects, record_property):
+    """Three tests in one call, with two laws, against elements one after the other; rounding is amplified by the bulk modulus,
+    17 000 times the shear modulus at this Poisson's ratio: 1e-9 of the largest stress.
+    """
+    courses = [(8.0, KNOTS), (2.0, -0.5 * KNOTS), (60.0, 1.2 * KNOTS)]
+    curves = []
+    for duration_s, knots in courses:
+        time_s = np.union1d(np.linspace(0.0, duration_s, 25), duration_s / 8.0 * KNOTS_S)
+        curves.append(curve_of(time_s, np.interp(time_s, duration_s / 8.0 * KNOTS_S, knots), kind))
+    laws = [LAW, LAW, LAW.model_copy(update={"C10_Pa": 150.0})]
+    together = predict_homogeneous([HomogeneousTest([one], law, effects) for one, law in zip(curves, laws, strict=True)])
+    worst = 0.0
+    for (answer,), curve, law in zip(together, curves, laws, strict=True):
+        reference = halved_on_element(law, effects, curve)
+        worst = max(worst, np.abs(answer.values - reference).max() / np.abs(reference).max())
+    record_property("off by", worst)
+    assert worst < 1e-9
+
+
+def test_a_test_that_fails_leaves_the_others():
+    """A stretch that no state of the law has is an error of its own test."""
+    time_s = np.array([0.0, 1.0, 2.0])
+    curves = [curve_of(time_s, np.array([0.0, strain, 0.0])) for strain in (0.2, -1.5, 0.3)]
+    first, error, last = predict_homogeneous([HomogeneousTest([curve], LAW, [RELAXATION]) for curve in curves])
+    assert isinstance(error, RunError) and "no state" in str(error)
+    assert np.array_equal(first[0].values, stress(curves[0], LAW, [RELAXATION]))
+    assert np.array_equal(last[0].values, stress(curves[2], LAW, [RELAXATION]))
 
 
 def hidden_in(truth: dict) -> list[Effect]:

@@ -12,7 +12,7 @@ from explicitfe.fem.materials.yeoh import Yeoh
 from explicitfe.inverse.measured.curve import Curve
 from explicitfe.inverse.measured.tables import MeasuredNoise, MeasuredSpecimen, MeasuredTool
 from explicitfe.inverse.predict.experiment import effects_of
-from explicitfe.inverse.predict.homogeneous import predict_homogeneous
+from explicitfe.inverse.predict.homogeneous import HomogeneousTest, predict_homogeneous
 from explicitfe.inverse.predict.reading import reading, record_of, true_programme
 from explicitfe.inverse.predict.tissue import Tissue
 from explicitfe.platform.errors import InputError
@@ -46,7 +46,7 @@ def pressed(control: str, **conditions) -> Curve:
 def stress(curve: Curve, **effects: dict[str, float]) -> np.ndarray:
     """Predicted stress [Pa] of a curve with effects, each by its name and its parameters."""
     chosen = [EFFECTS[name.replace("_", "-")](**parameters) for name, parameters in effects.items()]
-    (answer,) = predict_homogeneous([curve], LAW, chosen)
+    ((answer,),) = predict_homogeneous([HomogeneousTest([curve], LAW, chosen)])
     return answer.values
 
 

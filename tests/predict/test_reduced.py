@@ -32,7 +32,7 @@ def pressed(control: str, shape: str = "flat-cylinder") -> Curve:
 
 
 def simulated(curve: Curve, *effects) -> np.ndarray:
-    return predict_under_a_tool((curve,), LAW, LAW, effects, NUMERICS, lambda share: None)[0].values
+    return predict_under_a_tool((curve,), LAW, LAW, effects, NUMERICS)[0].values
 
 
 @pytest.mark.parametrize("control", ["force", "displacement"])

@@ -141,10 +141,14 @@ class Problem:
         self.sds = sds
         self.law = law
         self._lower, self._upper = np.array(law.lower), np.array(law.upper)
+        self._parts, self._sd = self.observed, np.concatenate(sds)
+        if all(o.contact_m is None and o.model == observed[0].model for o in observed):
+            imposed, measured = (np.concatenate([getattr(o, name) for o in observed]) for name in ("imposed", "measured"))
+            self._parts = [replace(observed[0], imposed=imposed, measured=measured)]
 
     def residual(self, constants: ConstantsLike) -> np.ndarray:
-        """(predicted - measured) / sd of all rows."""
-        return np.concatenate([(o.predicted(constants) - o.measured) / s for o, s in zip(self.observed, self.sds, strict=True)])
+        """(predicted - measured) / sd of all rows; curves with one model are predicted together."""
+        return np.concatenate([o.predicted(constants) - o.measured for o in self._parts]) / self._sd
 
     def chi2(self, constants: ConstantsLike) -> float:
         """Sum of squares of the residual."""

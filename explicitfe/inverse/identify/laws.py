@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import product
 from typing import Any
 
@@ -47,7 +48,7 @@ class FitLaw:
     upper: tuple[float, ...]
     shapes: tuple[tuple[float, ...], ...]
 
-    @property
+    @cached_property
     def moduli(self) -> np.ndarray:
         """Which constants (k,) are moduli: stresses are proportional to all of them together."""
         return np.array([name.endswith("_Pa") for name in self.constants])
@@ -62,7 +63,7 @@ class FitLaw:
         """Whether the simulator supports the law."""
         return self.key in LAWS
 
-    @property
+    @cached_property
     def key(self) -> str:
         """The name of the law in a scenario."""
         return str(self.law.model_fields["law"].default)
@@ -74,7 +75,12 @@ class FitLaw:
 
     def at(self, constants: ConstantsLike, poisson: float) -> Law:
         """The law with these constants, which are not checked: the optimiser also tries unstable ones."""
-        return self.law.model_construct(**self.table(constants), poisson=poisson)
+        return self._unit.model_copy(update=self.table(constants) | {"poisson": poisson})
+
+    @cached_property
+    def _unit(self) -> Law:
+        """The law with some constants, which are not checked."""
+        return self.law.model_construct(**self.table(np.ones(len(self.constants))))
 
     def shear_modulus_Pa(self, constants: ConstantsLike) -> float:
         """Initial shear modulus [Pa]; it is linear in the moduli."""

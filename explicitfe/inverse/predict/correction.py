@@ -49,7 +49,7 @@ RATIO_DEGREE, SMOOTH_DEGREE = 3, 5
 # deviation.
 ERROR_SHARE_OF_EDGE = 0.3
 
-Job = tuple[tuple[Curve, ...], str]  # a test, and the text of a tissue
+Job = tuple[tuple[Curve, ...], Tissue]
 Run = list[np.ndarray] | str  # what each curve of the test answers in SI, or why it cannot be computed
 
 
@@ -173,9 +173,9 @@ def _ladder(ramp: Curve, tissue: Tissue) -> dict[str, Job]:
             "tolerance": FINE_TOLERANCE,
             "finer": 0.0,
         } | changed
-        return (curve,), bare.model_copy(update={"numerics": Numerics(**changed)}).text
+        return (curve,), bare.model_copy(update={"numerics": Numerics(**changed)})
 
-    jobs: dict[str, Job] = {"usual": ((ramp,), for_ramps(usual).text)}
+    jobs: dict[str, Job] = {"usual": ((ramp,), for_ramps(usual))}
     if ramp.specimen.size_mm is not None:
         between = FINEST_IN_SPACE / MESH_RATIO
         return jobs | {"fine": job(ramp, refinement=FINEST_IN_SPACE), "coarse": job(ramp, refinement=between)}

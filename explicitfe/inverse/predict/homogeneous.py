@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 
-from explicitfe.fem.effects import Effect, MaterialEffect
+from explicitfe.fem.effects import Effect
 from explicitfe.fem.effects.effect import Rig, readings_of, with_leaves
 from explicitfe.fem.materials.yeoh import Yeoh
 from explicitfe.fem.solve import point
@@ -24,36 +25,107 @@ STRAIGHT_STRAIN_DEVIATION = 1e-5
 INCREMENT_ERROR_PEAK_SHARE = 2e-3
 # Increments are halved no more often than this: then they are 32 times finer than the rows.
 MOST_HALVINGS_OF_INCREMENTS = 5
-# In a rig that gives way the search for the strain ends at this tolerance, or is given up after so many corrections.
-STRAIN_TOLERANCE = 1e-9
-MOST_CORRECTIONS_OF_STRAIN = 100
-# The stiffness is a central difference over this change of the strain.
-STIFFNESS_STRAIN_CHANGE = 1e-5
-# No correction makes the stretch smaller than this share of the imposed one.
-LEAST_STRETCH_SHARE = 0.5
+LOADS = {"uniaxial": point.UNIAXIAL, "shear": point.SHEAR}
 
 
-def predict_homogeneous(test: Sequence[Curve], law: Yeoh, effects: Sequence[Effect]) -> list[CurveAnswer]:
-    """What a tissue answers to the curves of a test without a tool.
+class HomogeneousTest:
+    """A test without a tool and the tissue in it.
 
-    Raises
-    ------
-    RunError : no state is found at an instant.
+    Parameters
+    ----------
+    curves : one after the other.
+    law, effects : the tissue.
+
+    Attributes
+    ----------
+    kind : uniaxial or shear.
+    material : the law with effects in its constants, and the effects that are computed beside it.
+    compliance_per_Pa : strain that the machine reads and the specimen does not have, per nominal stress [1/Pa].
+    driven : the curves with rows for their corners.
+    time_s, programme : (n,) all rows of these one after the other, and what is really imposed there.
+    """
+
+    def __init__(self, curves: Sequence[Curve], law: Yeoh, effects: Sequence[Effect]) -> None:
+        self.curves, self.kind, self.readings, rig = tuple(curves), curves[0].kind, readings_of(effects), Rig()
+        for effect in effects:
+            law, rig = effect.in_law(law), effect.on_rig(rig)
+        self.material, self.compliance_per_Pa = (law, with_leaves(effects)), rig.compliance_per_Pa
+        self.driven, self.time_s, self.programme = _rows_of(self.curves)
+        if self.readings:
+            true = [true_programme(programme_of(one), one, self.readings, by_force=False) for one in self.driven]
+            self.programme = np.concatenate(true)
+
+    def in_parts(self, parts: int) -> tuple[np.ndarray, np.ndarray]:
+        """Instants and strain with each increment in so many parts, from the undeformed state on: a strain in the first row comes
+        at once."""
+        undeformed = 0.0 if self.kind == "shear" else 1.0
+        times = _instants(self.curves, parts)
+        imposed = np.interp(times, self.time_s, self.programme)
+        if imposed[0] == undeformed:
+            return times, imposed
+        return np.concatenate([times[:1], times]), np.concatenate([[undeformed], imposed])
+
+    def read(self, stress: np.ndarray) -> list[np.ndarray]:
+        """What the machine reads at the measured rows of each curve where the stress (n,) is there at all rows."""
+        true = np.split(stress, np.cumsum([len(one.time_s) for one in self.driven])[:-1])
+        read = reading(true, self.driven, self.readings, by_force=False)
+        rows = [np.searchsorted(finer.time_s, curve.time_s) for curve, finer in zip(self.curves, self.driven, strict=True)]
+        return [values[own] for values, own in zip(read, rows, strict=True)]
+
+
+@lru_cache(maxsize=1000)
+def _rows_of(test: tuple[Curve, ...]) -> tuple[tuple[Curve, ...], np.ndarray, np.ndarray]:
+    """The curves of a test with rows for their corners, and times (n,) s and programme (n,) of all rows."""
+    driven = tuple(_with_corners(curve) for curve in test)
+    time_s = np.concatenate([curve.time_s + start for curve, start in zip(driven, start_times(test), strict=True)])
+    return driven, time_s, np.concatenate([programme_of(curve) for curve in driven])
+
+
+@lru_cache(maxsize=1000)
+def _instants(test: tuple[Curve, ...], parts: int) -> np.ndarray:
+    """Times (m,) s of all rows of a test, with each increment in so many parts."""
+    _, time_s, _ = _rows_of(test)
+    return np.interp(np.arange((len(time_s) - 1) * parts + 1) / parts, np.arange(len(time_s)), time_s)
+
+
+def predict_homogeneous(tests: Sequence[HomogeneousTest]) -> list[list[CurveAnswer] | RunError]:
+    """What a tissue answers to the curves of each test, or why no state is found at an instant.
+
+    Parameters
+    ----------
+    tests : of one kind, with effects of the same kinds; one compiled call computes them all, and one more for each halving of
+        their increments.
     """
     begin = time.perf_counter()
-    readings, rig = readings_of(effects), Rig()
-    for effect in effects:
-        law, rig = effect.in_law(law), effect.on_rig(rig)
-    driven = [_with_corners(curve) for curve in test]
-    time_s = np.concatenate([curve.time_s + start for curve, start in zip(driven, start_times(test), strict=True)])
-    programme = np.concatenate([true_programme(programme_of(curve), curve, readings, by_force=False) for curve in driven])
-    stress, count = _stress(_RiggedSpecimen(test[0].kind, law, with_leaves(effects), rig.compliance_per_Pa), time_s, programme)
-    answers = []
-    seconds = (time.perf_counter() - begin) / len(test)
-    true = np.split(stress, np.cumsum([len(rows.time_s) for rows in driven])[:-1])
-    for curve, rows, read in zip(test, driven, reading(true, driven, readings, by_force=False), strict=True):
-        answers.append(CurveAnswer(read[np.searchsorted(rows.time_s, curve.time_s)], count, 0, seconds))
-    return answers
+    now = _in_parts(tests, 1)
+    instants = [len(test.programme) for test in tests]
+    answers, remembers = now.copy(), any(effect.memory for effect in tests[0].material[1])
+    pending = [k for k, stress in enumerate(now) if remembers and not isinstance(stress, RunError)]
+    for parts in 2 ** np.arange(1, MOST_HALVINGS_OF_INCREMENTS + 1):
+        if not pending:
+            break
+        for k, stress in zip(pending.copy(), _in_parts([tests[k] for k in pending], int(parts)), strict=True):
+            before, now[k], answers[k] = now[k], stress, stress
+            if isinstance(stress, RunError):
+                pending.remove(k)
+                continue
+            # The error is of second order in the increment, so that the last halving tells what is left of it (Richardson 1911).
+            answers[k], instants[k] = stress + (stress - before) / 3.0, (len(stress) - 1) * int(parts) + 1
+            if np.abs(stress - before).max() <= INCREMENT_ERROR_PEAK_SHARE * np.abs(stress).max():
+                pending.remove(k)
+    seconds = (time.perf_counter() - begin) / sum(len(test.curves) for test in tests)
+    return [
+        stress if isinstance(stress, RunError) else [CurveAnswer(values, count, 0, seconds) for values in test.read(stress)]
+        for test, stress, count in zip(tests, answers, instants, strict=True)
+    ]
+
+
+def _in_parts(tests: Sequence[HomogeneousTest], parts: int) -> list[np.ndarray | RunError]:
+    """Stress [Pa] at the rows of each test with each increment in so many parts, or why there is none."""
+    histories = [point.History(*test.material, *test.in_parts(parts), test.compliance_per_Pa) for test in tests]
+    stresses = LOADS[tests[0].kind].stresses(histories)
+    first = [len(one.time_s) - 1 - parts * (len(test.programme) - 1) for test, one in zip(tests, histories, strict=True)]
+    return [y if isinstance(y, RunError) else y[start::parts] for y, start in zip(stresses, first, strict=True)]
 
 
 def _with_corners(curve: Curve) -> Curve:
@@ -93,82 +165,3 @@ def _corners(t: np.ndarray, programme: np.ndarray) -> tuple[np.ndarray, np.ndarr
     at = first[corner]
     ahead = (share * step)[corner]
     return t[at] + ahead, programme[at] + slope[before][corner] * ahead
-
-
-@dataclass(frozen=True)
-class _RiggedSpecimen:
-    """A homogeneous specimen in its rig.
-
-    Attributes
-    ----------
-    kind : uniaxial or shear.
-    law, effects : the tissue.
-    compliance_per_Pa : strain that the machine reads and the specimen does not have, per nominal stress [1/Pa].
-    """
-
-    kind: str
-    law: Yeoh
-    effects: Sequence[MaterialEffect]
-    compliance_per_Pa: float
-
-    def answer(self, time_s: np.ndarray, imposed: np.ndarray) -> np.ndarray:
-        """Stress (n,) Pa along a programme that begins at rest.
-
-        Raises
-        ------
-        RunError : no state is found at an instant.
-        """
-        if self.compliance_per_Pa == 0.0:
-            return self._tissue(self.effects, time_s, imposed)
-        # All instants are corrected together, with the stiffness of the tissue in a sudden small change.
-        true, stiffness = imposed, self._stiffness(imposed)
-        for _ in range(MOST_CORRECTIONS_OF_STRAIN):
-            stress = self._tissue(self.effects, time_s, true)
-            change = (imposed - self.compliance_per_Pa * stress - true) / (1.0 + self.compliance_per_Pa * stiffness)
-            if np.abs(change).max() <= STRAIN_TOLERANCE:
-                return stress
-            true = true + change
-            if self.kind == "uniaxial":
-                true = np.maximum(true, LEAST_STRETCH_SHARE * imposed)
-        raise RunError("the strain of a specimen in a rig that gives way is not found; take a smaller compliance.")
-
-    def _tissue(self, effects: Sequence[MaterialEffect], time_s: np.ndarray, strain: np.ndarray) -> np.ndarray:
-        test = point.shear if self.kind == "shear" else point.uniaxial
-        return test(self.law, effects, time_s, strain)
-
-    def _stiffness(self, strain: np.ndarray) -> np.ndarray:
-        """Slope (n,) Pa of the stress in a sudden change, in which nothing is remembered."""
-        sudden = [effect for effect in self.effects if not effect.memory]
-        both = np.concatenate([strain - STIFFNESS_STRAIN_CHANGE, strain + STIFFNESS_STRAIN_CHANGE])
-        low, high = np.split(self._tissue(sudden, np.zeros(len(both)), both), 2)
-        return (high - low) / (2.0 * STIFFNESS_STRAIN_CHANGE)
-
-
-def _stress(specimen: _RiggedSpecimen, time_s: np.ndarray, programme: np.ndarray) -> tuple[np.ndarray, int]:
-    """Stress [Pa] at the rows, with increments halved until that changes little; the number of instants."""
-
-    def in_parts(parts: int) -> np.ndarray:
-        times = np.interp(np.arange((len(time_s) - 1) * parts + 1) / parts, np.arange(len(time_s)), time_s)
-        imposed = np.interp(times, time_s, programme)
-        times, imposed = _from_rest(specimen.kind, times, imposed)
-        stress = specimen.answer(times, imposed)
-        return stress[len(times) - 1 - (len(time_s) - 1) * parts :: parts]
-
-    if not any(effect.memory for effect in specimen.effects):
-        return in_parts(1), len(time_s)
-    parts, now = 1, in_parts(1)
-    for _ in range(MOST_HALVINGS_OF_INCREMENTS):
-        before, parts = now, 2 * parts
-        now = in_parts(parts)
-        if np.abs(now - before).max() <= INCREMENT_ERROR_PEAK_SHARE * np.abs(now).max():
-            break
-    # The error is of second order in the increment, so that the last halving tells what is left of it (Richardson 1911).
-    return now + (now - before) / 3.0, (len(time_s) - 1) * parts + 1
-
-
-def _from_rest(kind: str, time_s: np.ndarray, programme: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The programme from the undeformed state on: where the first row is strained already, that strain comes at once."""
-    undeformed = 0.0 if kind == "shear" else 1.0
-    if programme[0] == undeformed:
-        return time_s, programme
-    return np.concatenate([time_s[:1], time_s]), np.concatenate([[undeformed], programme])

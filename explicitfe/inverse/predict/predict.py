@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import as_completed
 from concurrent.futures.process import BrokenProcessPool
 from functools import partial
@@ -19,9 +19,9 @@ from explicitfe.inverse.measured.curve import PRINTED_UNITS, Curve, programme_of
 from explicitfe.inverse.measured.read import read_dataset
 from explicitfe.inverse.predict.correction import Correction, Job, Run, corrections_of
 from explicitfe.inverse.predict.experiment import CurveAnswer, effects_of, experiments
-from explicitfe.inverse.predict.homogeneous import predict_homogeneous
+from explicitfe.inverse.predict.homogeneous import LOADS, HomogeneousTest, predict_homogeneous
 from explicitfe.inverse.predict.reading import without_compliance
-from explicitfe.inverse.predict.tissue import Numerics, Tissue, effect_name, parse_tissue, read_tissue
+from explicitfe.inverse.predict.tissue import Numerics, Tissue, effect_name, read_tissue
 from explicitfe.inverse.predict.under_a_tool import predict_under_a_tool
 from explicitfe.platform.compiled.threads import cores
 from explicitfe.platform.errors import InputError, Progress, RunError, counted, nearest, shortened, silent
@@ -88,7 +88,6 @@ def predict_test(
     tolerance: float | None = None,
     corrections: Mapping[str, Correction] = MappingProxyType({}),
     variants: Sequence[Tissue] = (),
-    progress: Callable[[float], None] = lambda share: None,
 ) -> list[CurveAnswer]:
     """What a tissue answers to the curves of one test, see :func:`experiments`; options as for :func:`predict`.
 
@@ -103,20 +102,30 @@ def predict_test(
     RunError : a state is not reached.
     """
     first = test[0]
+    if first.kind in LOADS:
+        (answer,) = predict_tests([test], tissue)
+        if isinstance(answer, RunError):
+            raise answer
+        return answer
     effects = effects_of(first, tissue)
-    law, homogeneous_law = tissue.law(first), tissue.law(first, homogeneous=True)
-    if first.kind in ("uniaxial", "shear"):
-        answers = predict_homogeneous(test, homogeneous_law, effects)
-        progress(1.0)
-        return answers
+    laws = tissue.law(first), tissue.law(first, homogeneous=True)
     numerics = _with_numerics(tissue, refinement, density, tolerance).numerics
     others = [(one.law(first), effects_of(first, one)) for one in variants]
-    numbers = (law, homogeneous_law, effects, numerics, progress)
-    correction = corrections.get(first.id)
-    if correction is None:
-        return predict_under_a_tool(test, *numbers, keeps_volume=tissue.incompressible, variants=others)
-    corrected = partial(correction.applied, compliance_m_N=without_compliance(tissue)[1])
-    return predict_under_a_tool(test, *numbers, corrected, tissue.incompressible, others)
+    correction, corrected = corrections.get(first.id), None
+    if correction is not None:
+        corrected = partial(correction.applied, compliance_m_N=without_compliance(tissue)[1])
+    return predict_under_a_tool(test, *laws, effects, numerics, corrected, tissue.incompressible, others)
+
+
+def predict_tests(
+    tests: Sequence[Sequence[Curve]], tissue: Tissue, variants: Sequence[Tissue] = ()
+) -> list[list[CurveAnswer] | RunError]:
+    """As :func:`predict_test`, of tests of one kind; without a tool they are computed together and have an error each."""
+    if tests[0][0].kind not in LOADS:
+        return [predict_test(test, tissue, variants=variants) for test in tests]
+    return predict_homogeneous(
+        [HomogeneousTest(test, tissue.law(test[0], homogeneous=True), effects_of(test[0], tissue)) for test in tests]
+    )
 
 
 def kernels_of_test(test: Sequence[Curve], tissue: Tissue) -> str:
@@ -142,14 +151,13 @@ def _run(jobs: list[Job]) -> list[Run]:
     """The ramps of corrections, one after the other."""
     return [
         answers if isinstance(answers, str) else [answer.values for answer in answers]
-        for answers in (_answers_or_message(test, text, {}) for test, text in jobs)
+        for answers in (_answers_or_message(test, tissue, {}) for test, tissue in jobs)
     ]
 
 
-def _answers_or_message(test: Sequence[Curve], text: str, corrections: Mapping[str, Correction]) -> list[CurveAnswer] | str:
-    """What the tissue of a model file's text answers, or why it does not."""
+def _answers_or_message(test: Sequence[Curve], tissue: Tissue, corrections: Mapping[str, Correction]) -> list[CurveAnswer] | str:
+    """What a tissue answers, or why it does not."""
     try:
-        tissue = parse_tissue(text)
         with announcing(kernels_of_test(test, tissue)):
             return predict_test(test, tissue, corrections=corrections)
     except RunError as error:
@@ -173,15 +181,14 @@ def _predict_tests(
 
     progress("predict", 0.0)
     # This process computes the first test: that compiles the kernels, which the other processes then load.
-    text = tissue.text
-    keep(tests[0], _answers_or_message(tests[0], text, corrections))
+    keep(tests[0], _answers_or_message(tests[0], tissue, corrections))
     remaining = list(tests[1:])
     workers = min(cores(), len(remaining))
     workers = min(workers, processes or workers)
     if workers > 1 and tests[0][0].tool is not None:
         try:
             with WorkerPool(workers) as pool:
-                jobs = {pool.submit(_answers_or_message, test, text, corrections): test for test in remaining}
+                jobs = {pool.submit(_answers_or_message, test, tissue, corrections): test for test in remaining}
                 for job in as_completed(jobs):
                     keep(jobs[job], job.result())
             return answers
@@ -189,7 +196,7 @@ def _predict_tests(
             stopping.check()
             remaining = [test for test in remaining if test[0].id not in answers]
     for test in remaining:
-        keep(test, _answers_or_message(test, text, corrections))
+        keep(test, _answers_or_message(test, tissue, corrections))
     return answers
 
 

@@ -21,6 +21,7 @@ finer = 0.0
 
 from __future__ import annotations
 
+from collections.abc import Hashable
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Literal, TypeVar
@@ -134,6 +135,13 @@ class Tissue(Table):
             curves.append(replace(curve, specimen=specimen, tool=tool))
             self.law(curve)
         return replace(dataset, curves=tuple(curves))
+
+    @property
+    def key(self) -> tuple[Hashable, ...]:
+        """Equal for tissues with the same answers."""
+        constants = tuple((group, one.C10_Pa, one.C20_Pa) for group, one in self.constants.items())
+        effects, replaced = tuple(map(repr, self.effects.chosen)), (repr(self.specimen), repr(self.tool))
+        return self.poisson, self.incompressible, self.constants_by, constants, effects, *replaced, self.numerics
 
     @property
     def text(self) -> str:

@@ -78,8 +78,7 @@ def predict_under_a_tool(
     homogeneous_law: Yeoh,
     effects: Sequence[Effect],
     numerics: Numerics,
-    progress: Callable[[float], None],
-    corrected: Callable[[np.ndarray, np.ndarray, bool], np.ndarray] = lambda answer, programme, by_force: answer,
+    corrected: Callable[[np.ndarray, np.ndarray, bool], np.ndarray] | None = None,
     keeps_volume: bool = True,
     variants: Sequence[tuple[Yeoh, Sequence[Effect]]] = (),
 ) -> list[CurveAnswer]:
@@ -121,7 +120,7 @@ def predict_under_a_tool(
         for share in SECTION_SHARES:
             section = Revolution(specimen, tool, law, physics, share * numerics.section, keeps_volume, others)
             try:
-                driven = _drive(section, few, by_force, contact_power is not None, first.id, progress)
+                driven = _drive(section, few, by_force, contact_power is not None, first.id)
             except RunError:
                 # Where a platen presses a specimen flat, its side folds onto the platen, which relaxation can follow.
                 in_section = share != SECTION_SHARES[-1]
@@ -140,12 +139,12 @@ def predict_under_a_tool(
         # Tests are shared out among processes, so each has one thread: a prediction must not depend on the number of cores.
         body = Relaxation(specimen_model(specimen, tool, physics), numerics.tolerance, threads=1)
         body.compile()
-        course, answers, iterations, _ = _drive(body, course, by_force, contact_power is not None, first.id, progress)
+        course, answers, iterations, _ = _drive(body, course, by_force, contact_power is not None, first.id)
     # On one ramp of the section nothing ripples, slips or softens.
     smooth = in_section and not any(effect.depends_on_path for effect in physics)
     power = None if smooth and len(course.bends) == 2 else contact_power
     at_rows = [None if one is None else course.at(one, time_s, power, smooth=smooth) for one in (answers, *of_variants)]
-    if not uniform:
+    if corrected is not None and not uniform:
         at_rows = [None if one is None else corrected(one, programme, by_force) for one in at_rows]
     seconds = (time.perf_counter() - begin) / len(test)
     instants, iterations_of_each = len(course.time_s) // len(test), iterations // len(test)
@@ -186,7 +185,6 @@ def _drive(
     by_force: bool,
     loses_contact: bool,
     name: str,
-    progress: Callable[[float], None],
 ) -> tuple[Course, np.ndarray, int, np.ndarray]:
     """Impose a course on a body.
 
@@ -226,7 +224,6 @@ def _drive(
         beside = reached.variants if isinstance(reached, ToolState) else ()
         variants.append([np.nan if one is None else one[by_force] for one in beside])
         number += 1
-        progress(number / len(course.time_s))
     return course, np.array(answers), iterations, np.array(variants).reshape(len(answers), -1)
 
 

@@ -59,7 +59,7 @@ def _error(system: Specimens, discovery: Discovery, curves: Sequence[Curve]) -> 
     """Mean error of curves with the law, as a share of each one's largest value; None where none can be computed."""
     tests = experiments(curves)
     shares = []
-    for test, run in zip(tests, system.simulator.run([(test, discovery.tissue.text) for test in tests]), strict=True):
+    for test, run in zip(tests, system.simulator.run([(test, discovery.tissue) for test in tests]), strict=True):
         for curve, values in zip(test, [] if isinstance(run, str) else run, strict=False):
             measured = curve.columns[curve.predicted]
             shares.append(float(np.sqrt(np.mean((values - measured) ** 2)) / np.abs(measured).max()))

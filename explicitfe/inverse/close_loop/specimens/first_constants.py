@@ -152,28 +152,28 @@ def _best_size(responses: Sequence[_Response]) -> tuple[float, float]:
 
 def _responses(curves: Sequence[Curve], baseline: Baseline) -> dict[float, list[_Response | str]]:
     """Ratio -> what constants of it answer to each curve, or why they cannot."""
-    texts = {q: baseline.tissue(RAMP_C10_PA, q * RAMP_C10_PA).text for q in C20_RATIOS}
+    tissues = {q: baseline.tissue(RAMP_C10_PA, q * RAMP_C10_PA) for q in C20_RATIOS}
     if not baseline.homogeneous:
-        ramps = _ramps(curves, texts, baseline)
+        ramps = _ramps(curves, tissues, baseline)
         return {q: [_read(curve, ramps[q, kind_of(curve)]) for curve in curves] for q in C20_RATIOS}
     by_curve: dict[tuple[float, str], _Response | str] = {}
     jobs = [(q, test) for q in C20_RATIOS for test in experiments(curves)]
-    for (q, test), run in zip(jobs, baseline.run([(test, texts[q]) for q, test in jobs]), strict=True):
+    for (q, test), run in zip(jobs, baseline.run([(test, tissues[q]) for q, test in jobs]), strict=True):
         for number, curve in enumerate(test):
             by_curve[q, curve.id] = run if isinstance(run, str) else _Scaled(run[number], curve.columns[curve.predicted])
     return {q: [by_curve[q, curve.id] for curve in curves] for q in C20_RATIOS}
 
 
-def _ramps(curves: Sequence[Curve], texts: Mapping[float, str], baseline: Baseline) -> dict[tuple[float, str], _Ramp | str]:
+def _ramps(curves: Sequence[Curve], tissues: Mapping[float, Tissue], baseline: Baseline) -> dict[tuple[float, str], _Ramp | str]:
     """Ratio and kind of test -> depth and force of a ramp, or why there is none."""
     kinds: dict[str, list[Curve]] = {}
     for curve in curves:
         kinds.setdefault(kind_of(curve), []).append(curve)
     done: dict[tuple[float, str], _Ramp | str] = {}
-    todo = [(q, kind) for q in texts for kind in kinds]
+    todo = [(q, kind) for q in tissues for kind in kinds]
     for share in DEPTH_SHARES:
         ramps = [_ramp(kinds[kind], share) for _, kind in todo]
-        runs = baseline.run([((ramp,), texts[q]) for ramp, (q, _) in zip(ramps, todo, strict=True)])
+        runs = baseline.run([((ramp,), tissues[q]) for ramp, (q, _) in zip(ramps, todo, strict=True)])
         for key, ramp, run in zip(todo, ramps, runs, strict=True):
             if not isinstance(run, str):
                 last = int(np.argmax(run[0])) + 1  # a force above the largest one is not carried

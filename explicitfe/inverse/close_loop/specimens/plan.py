@@ -83,7 +83,7 @@ def plan_of(tissue: Tissue, test: tuple[Curve, ...], curves: Sequence[Curve], ho
     """
     first = test[0]
     if first.tool is None:
-        return Plan((test, tissue.text), test)
+        return Plan((test, tissue), test)
     effects = tissue.effects.chosen
     readings = readings_of(effects)
     by_force = first.tool.control == "force"
@@ -95,15 +95,13 @@ def plan_of(tissue: Tissue, test: tuple[Curve, ...], curves: Sequence[Curve], ho
     if not by_point and (by_force or not follows):
         tissue, compliance = without_compliance(tissue)
     tissue = tissue.model_copy(update={"effects": tissue.effects.without(readings)})
-    text = (tissue if follows else for_ramps(tissue)).text
     if follows:
         # The run is what really happens; tests whose readings leave the programme as it is share it.
-        return Plan(
-            (tuple(as_it_is(curve, readings) for curve in test), text), test, readings, by_force, compliance_m_N=compliance
-        )
+        courses = tuple(as_it_is(curve, readings) for curve in test)
+        return Plan((courses, tissue), test, readings, by_force, compliance_m_N=compliance)
     alike = [c for c in curves if kind_of(c) == kind_of(first)]
     return Plan(
-        ((ramp_of(first, alike, readings),), text),
+        ((ramp_of(first, alike, readings),), for_ramps(tissue)),
         test,
         readings,
         by_force,

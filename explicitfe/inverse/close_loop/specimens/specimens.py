@@ -402,12 +402,12 @@ class Specimens:
         tests = experiments(driven)
         plans = [[self._plan(tissue, test, driven) for test in tests] for tissue in tissues]
         jobs = [plan.job for row in plans for plan in row]
-        texts: list[list[str]] = []
+        similar: list[list[Tissue]] = []
         for others, row in zip(beside or [()] * len(plans), plans, strict=True):
             for test, plan in zip(tests, row, strict=True):
                 own = [self._plan(other, test, driven).job for other in others]
-                texts.append([text for courses, text in own if same_courses(courses, plan.job[0])])
-        runs = iter(self.simulator.known(jobs) if only_known else self.simulator.run(jobs, texts, again=again))
+                similar.append([one for courses, one in own if same_courses(courses, plan.job[0])])
+        runs = iter(self.simulator.known(jobs) if only_known else self.simulator.run(jobs, similar, again=again))
         answers: list[Answer | None] = []
         for row in plans:
             by_curve: dict[str, np.ndarray] = {}

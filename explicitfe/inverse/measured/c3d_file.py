@@ -45,6 +45,9 @@ def read_c3d(path: Path, *, unit: str | None = None, rate_hz: float | None = Non
             up = next(_words(reader, "Y_SCREEN"), "")
             frames = _frames(path, reader)  # (k, markers, 4): x, y, z, residual
             names, others = _names(reader, frames.shape[1])
+            labels = _words(reader, "LABELS")
+            if again := [name for name, label in zip(names, labels, strict=False) if name.startswith(f"{label} ")]:
+                notes.append(f"{path}: labels that occur again have a number: {', '.join(map(shortened, again))}.")
             factor = mm_per_unit(path, next(_words(reader, "UNITS"), ""), unit, " (POINT:UNITS)", notes)
     except InputError:
         raise

@@ -10,10 +10,24 @@ from pathlib import Path
 
 import numpy as np
 
+from explicitfe.inverse.measured.files import SMALLEST_CURVE_ROWS
 from explicitfe.inverse.measured.quantities import is_measure, is_name, is_unit
-from explicitfe.platform.errors import InputError
+from explicitfe.platform.errors import InputError, shortened
 
 EMPTY_CELLS = {"", "-", "--", "---", "nan", "n/a", "na", "null", "none", "#n/a", "#nv"}
+# A column that says to which of several specimens or recordings a row belongs: "Specimen", "Probe Nr.", "trial", "track_id".
+_NAME_OF_GROUPS = re.compile(
+    r"(specimen|sample|probe|prüfling|test|trial|track|animal|individual|subject)s?[ _.#-]*(no|nr|id|name|number|label)?\.?",
+    re.IGNORECASE,
+)
+_WITH_UNIT = r'"?[+-]?\d[\d.,]*\s?[^\W\d]{1,4}"?'
+# Beginning of a file -> what it is.
+_NO_TABLES = {
+    r"\APK\x03\x04|\A\xd0\xcf|\A\u00d0\u00cf": "this is a workbook, as of Excel: save its sheet as CSV",
+    r"\A\s*<(!doctype|html|\?xml|table)": "this is a page of HTML or XML: open it in a spreadsheet program and save it as CSV",
+    r"\A(.\0){8}|\A(\0.){8}": "this is UTF-16 without a byte-order mark: save it as UTF-8",
+    rf"(?m)^{_WITH_UNIT}[\t;,]\s*{_WITH_UNIT}": "units stand behind the numbers: write them into the names of the columns",
+}
 _SPACES = "\u00a0\u202f\u2009 "
 # Decimal mark -> numbers with it; the first group is the separator of thousands.
 _NUMBERS = {
@@ -40,6 +54,24 @@ def cells_of(line: str, separator: str | None) -> list[str]:
         return line.split()
     cells = line.split(separator)
     return [cell.strip() for cell in cells] if " " in line or not line.isascii() else cells
+
+
+def refuse_several(path: Path, name: str, cells: Sequence[str]) -> None:
+    """Raise InputError if the cells of a column name several specimens, trials or tracks, whose rows are no single curve."""
+    values = dict.fromkeys(cell for cell in cells if cell.lower() not in EMPTY_CELLS)
+    # A column "Sample" that counts the rows names none.
+    if _NAME_OF_GROUPS.fullmatch(name.strip()) and 1 < len(values) <= len(cells) // SMALLEST_CURVE_ROWS:
+        shown = ", ".join(map(shortened, list(values)[:3])) + (", ..." if len(values) > 3 else "")
+        raise InputError(
+            f'{path}: the rows belong to {len(values)} different values of the column "{shortened(name)}" ({shown}); put the '
+            "rows of each into a file of its own."
+        )
+
+
+def why_no_table(lines: Sequence[str]) -> str:
+    """What a text without a table of numbers is instead, for a sentence; empty if that is not known."""
+    start = "\n".join(lines[:20])
+    return next((f" ({what})" for sign, what in _NO_TABLES.items() if re.search(sign, start, re.IGNORECASE)), "")
 
 
 def is_number(cell: str) -> bool:

@@ -11,7 +11,7 @@ from typing import Literal
 import numpy as np
 
 from explicitfe.inverse.measured.c3d_file import read_c3d
-from explicitfe.inverse.measured.files import SMALLEST_CURVE_ROWS
+from explicitfe.inverse.measured.files import SMALLEST_CURVE_ROWS, later_rows
 from explicitfe.inverse.measured.marker_doubts import doubts, without_lost_markers
 from explicitfe.inverse.measured.marker_file import Markers, content_of, read_mview, read_pos
 from explicitfe.inverse.measured.marker_header import ANATOMICAL_AXES, AXES
@@ -84,10 +84,10 @@ def read_coils(path: Path, *, unit: str | None = None, rate_hz: float | None = N
     """Read a recording: C3D, ``.pos`` of an articulograph, ``.mat`` of mview, or a text table.
 
     The format is recognised by the content of the file. Columns of a table are ``SENSOR_AXIS`` with the unit in the name, such as
-    ``T1_x_mm`` or ``TT_up (m)``, or have the sensor above the axis; TRC, STO, and exports of Motive, Qualisys, NDI Wave and
-    DeepLabCut are among them (:mod:`explicitfe.inverse.measured.marker_table`). The axis is x, y or z, or a direction: forward,
-    front, back, left, right, up, down. A time column is named ``time_s``, ``time_ms`` or similar. Other columns are ignored.
-    A sensor at exactly (0, 0, 0) is missing.
+    ``T1_x_mm`` or ``TT_up (m)``, or have the sensor above the axis; TRC, STO, and exports of Motive, Qualisys, NDI Wave,
+    DeepLabCut and SLEAP are among them (:mod:`explicitfe.inverse.measured.marker_table`). The axis is x, y or z, or a direction:
+    forward, front, back, left, right, up, down. A time column is named ``time_s``, ``time_ms`` or similar. Other columns are
+    ignored. A sensor at exactly (0, 0, 0) is missing.
 
     Parameters
     ----------
@@ -108,8 +108,7 @@ def read_coils(path: Path, *, unit: str | None = None, rate_hz: float | None = N
     planar = {len(coordinates) == 2 for coordinates in markers.coordinates_mm.values()}
     if len(planar) > 1:
         raise InputError(f"{path}: some sensors have two coordinates and others three; give the same axes for all.")
-    later = np.append(True, np.diff(np.maximum.accumulate(np.where(np.isfinite(markers.time_s), markers.time_s, -np.inf))) > 0.0)
-    later &= np.isfinite(markers.time_s)
+    later = later_rows(path, markers.time_s)
     if not later.all():
         notes.append(f"{path}: {(~later).sum()} rows whose time does not increase are omitted.")
     if later.sum() < SMALLEST_CURVE_ROWS:

@@ -129,7 +129,8 @@ def compare_recording(
         return _align(steady, recorded, times_s, rest_m, paths, shift_s, register, reference_s)
 
     fitted = offset_s == "fit"
-    best = _best_offset(coils.path, align, steady.time_s, times_s) if fitted else align(_start_of(steady, offset_s))
+    start_s = float(steady.time_s[0] if offset_s in (None, "fit") else offset_s)
+    best = _best_offset(coils.path, align, steady.time_s, times_s) if fitted else align(start_s)
     movement = best.recorded - best.recorded.mean(axis=0)
     model_movement = best.model - best.model.mean(axis=0)
     table = best.registration
@@ -177,10 +178,6 @@ def _model_paths(result: Result, names: Sequence[str]) -> tuple[np.ndarray, np.n
         raise InputError(f"{result.path}: only {len(result.times)} sample is stored; compare a transient run with at least two.")
     paths = np.stack([known[name].position[0] + path_of_point(result, name) for name in names], axis=1)
     return paths[0], paths
-
-
-def _start_of(coils: Coils, offset_s: float | Literal["fit"] | None) -> float:
-    return float(coils.time_s[0]) if offset_s is None else float(offset_s)
 
 
 def _align(

@@ -18,6 +18,8 @@ from explicitfe.platform.host.shipped import DATASET_FILE, dataset_folder
 from explicitfe.platform.host.text import text_of, toml_of
 
 SMALLEST_CURVE_ROWS = 3  # Two rows are a straight line: no curve.
+# A table is refused if more rows of numbers than this, or a larger share, are not part of it, or go back in time.
+MOST_ROWS_OUTSIDE, MOST_ROWS_OUTSIDE_SHARE = 5, 0.02
 # Time and memory of a fit are proportional to the number of rows; more rows than this hardly narrow an interval.
 LARGEST_CURVE_ROWS = 10_000
 LARGEST_CURVE_BYTES = 16 * 2**20
@@ -94,6 +96,25 @@ def _with_nan(row: str) -> str:
 def lines_of(text: str) -> list[str]:
     """Lines of a text, whatever ends them on the system that wrote it."""
     return text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
+
+
+def later_rows(path: Path, time_s: np.ndarray, line_of: np.ndarray | None = None) -> np.ndarray:
+    """Rows (k,) of bool whose time (k,) is known and above that of all rows before; ``line_of``: their lines, for messages.
+
+    Raises
+    ------
+    InputError : the time goes back in more than a few rows.
+    """
+    latest = np.maximum.accumulate(np.where(np.isnan(time_s), -np.inf, time_s))
+    back = time_s < latest
+    if back.sum() > min(MOST_ROWS_OUTSIDE, MOST_ROWS_OUTSIDE_SHARE * len(time_s)):
+        first = int(back.argmax())
+        line = "" if line_of is None else f", line {line_of[first]}"
+        raise InputError(
+            f"{path}{line}: the time goes back from {latest[first]:g} s to {time_s[first]:g} s; put tests that have their own "
+            "time into files of their own, or export the time of the whole test."
+        )
+    return np.isfinite(time_s) & np.append(True, latest[1:] > latest[:-1])
 
 
 class CurveCsv:

@@ -155,8 +155,9 @@ def read_mview(path: Path, *, unit: str | None = None, rate_hz: float | None = N
     fields = ("NAME", "SRATE", "SIGNAL")
     arrays = {k: array for k, v in variables.items() if set(fields) <= set((array := np.atleast_1d(v)).dtype.names or ())}
     if len(arrays) != 1:
-        what = f"{len(arrays)} variables with channels ({', '.join(arrays)})" if arrays else f"no array with {', '.join(fields)}"
-        raise InputError(f"{path}: {what}; save one of the variables: {', '.join(map(shortened, variables)) or 'there is none'}.")
+        what = f"{len(arrays)} variables have channels ({', '.join(arrays)}); save one of them"
+        others = f"{', '.join(fields)} (there are: {', '.join(map(shortened, variables)) or 'none'}); save a table (.csv)"
+        raise InputError(f"{path}: {what if arrays else f'no variable is a structure array of mview, with {others}'}.")
     (channels,) = arrays.values()
     signals: dict[str, tuple[np.ndarray, float]] = {}
     names = plain_names([str(channel["NAME"]) for channel in channels])

@@ -5,8 +5,10 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path
 
+from explicitfe.inverse.measured.cells import name_and_unit
 from explicitfe.inverse.measured.quantities import unit_of
 from explicitfe.platform.errors import InputError, shortened
 
@@ -30,13 +32,9 @@ _COORDINATES = (
 _NO_POSITION = re.compile(
     r"(.*[_ .:-])?(q|quat\w*|rot\w*|euler|angles?|vel\w*|speed|acc\w*|forces?|moments?|torque|orientation)", re.IGNORECASE
 )
+_ROTATION = re.compile(r".*[_ .:-]r", re.IGNORECASE)  # about an axis: "jaw_rx"
 _KEY_OF_QTM = re.compile(r"[A-Z]+_?[A-Z_]+")
-# "TT_x (mm)", "TT_x [mm]", "TT_x / mm", "TT_x, mm", "TT_x_mm": a name and a unit.
-_NAMED_UNITS = (
-    re.compile(r"(?P<name>.*?)\s*[(\[]\s*(?P<unit>[^()\[\]]*?)\s*[)\]]\s*"),
-    re.compile(r"(?P<name>.*?)\s*(?:/|,\s)\s*(?P<unit>\S+)"),
-    re.compile(r"(?P<name>.+)_(?P<unit>s|ms|min|mm|cm|m|um|µm|in)"),
-)
+_SORTS_OF_MOTIVE = {"", "Marker", "Rigid Body", "Rigid Body Marker", "Bone", "Bone Marker"}
 
 
 @dataclass(frozen=True)
@@ -46,7 +44,7 @@ class Layout:
     Attributes
     ----------
     sign : of the program in the header.
-    unit : of lengths; where it begins with a capital letter, the key whose value it is.
+    unit, unit_key : unit of lengths, and the key that states it.
     rate, rows : keys of the sampling rate and of the number of rows.
     below : whether values stand below their keys, not behind them.
     image : whether positions are those in a picture, whose vertical axis points down.
@@ -55,6 +53,7 @@ class Layout:
     program: str
     sign: str
     unit: str = ""
+    unit_key: str = ""
     rate: str = ""
     rows: str = ""
     below: bool = False
@@ -62,12 +61,14 @@ class Layout:
 
 
 LAYOUTS = (
-    Layout("TRC", r"\APathFileType", "Units", "DataRate", "NumFrames", below=True),
-    Layout("OpenSim", r"(?im)^endheader", "m", rows="nRows|datarows"),
-    Layout("Motive", r"\AFormat Version", "Length Units", "Export Frame Rate", "Total Exported Frames"),
-    Layout("Qualisys", r"(?m)^NO_OF_FRAMES", "mm", "FREQUENCY", "NO_OF_FRAMES"),
+    Layout("TRC", r"\APathFileType", "", "Units", "DataRate", "NumFrames", below=True),
+    # "Units are S.I. units" states none.
+    Layout("OpenSim", r"(?im)^endheader", "m", r"Units(?=\s*=)", rows="nRows|datarows"),
+    Layout("Motive", r"\AFormat Version", "", "Length Units", "Export Frame Rate", "Total Exported Frames"),
+    Layout("Qualisys", r"(?m)^NO_OF_FRAMES", "mm", "", "FREQUENCY", "NO_OF_FRAMES"),
     Layout("NDI Wave", r"(?i)\b(WavId|Sensor 1 Status)\b", "mm"),
     Layout("DeepLabCut", r"\Ascorer", "px", image=True),
+    Layout("SLEAP", r"(?im)\A(.*,)?frame_idx,.*\binstance\.score\b", "px", image=True),
 )
 ANY_TABLE = Layout("", "")
 
@@ -104,6 +105,9 @@ def columns_of(path: Path, lines: Sequence[list[str]], width: int) -> list[Marke
     axes = [_axis(cell) for cell in head[-1]]
     if sum(map(bool, axes)) > 1:
         labels = {next((cell for cell in row if cell), "").lower(): row for row in head[:-1]}
+        for sorts, name in pairwise(head[:-1]):
+            if any(sorts) and {*sorts} <= _SORTS_OF_MOTIVE:
+                labels = {"type": sorts, "name": name} | labels  # Old versions do not name these lines.
         above = (row for row in head[-2::-1] if any(cell and axis for cell, axis in zip(row, axes, strict=True)))
         sensors = next((labels[label] for label in ("name", "bodyparts", "frame#") if label in labels), None) or next(above, None)
         if sensors is not None:
@@ -116,7 +120,9 @@ def columns_of(path: Path, lines: Sequence[list[str]], width: int) -> list[Marke
         coordinates = {
             column: (sensor, axis)
             for column, (sensor, axis) in coordinates.items()
-            if not _NO_POSITION.fullmatch(sensor) and (number == 0 or several.count(sensor) > 1)
+            if not _NO_POSITION.fullmatch(sensor)
+            and (number == 0 or several.count(sensor) > 1)
+            and not (number == 2 and not column.unit and (_ROTATION.fullmatch(sensor) or (sensor == "r" and "t" in several)))
         }
         if coordinates:
             return [replace(c, name=coordinates[c][0], axis=coordinates[c][1]) if c in coordinates else c for c in columns]
@@ -141,8 +147,9 @@ def _below_sensors(
             columns.append(MarkerColumn(k, f"{people[k]} {sensor}" if several else sensor, axis, units[k]))
         else:
             what = f"{sensor} {types[k] if expected else kinds[k] if kinds else ''} {cell}" if axis else ""
-            name = what or _name_and_unit(cell)[0] or (kinds and kinds[k]) or own
-            columns.append(MarkerColumn(k, name, "", units[k] or unit_above))
+            unit = _bare_unit(cell) if own else ""  # "s" below "Time"
+            name = what or (own if unit else _name_and_unit(cell)[0]) or (kinds and kinds[k]) or own
+            columns.append(MarkerColumn(k, name, "", units[k] or unit_above or unit))
     return columns
 
 
@@ -159,9 +166,5 @@ def _bare_unit(cell: str) -> str:
 
 
 def _name_and_unit(cell: str) -> tuple[str, str]:
-    for pattern in _NAMED_UNITS:
-        match = pattern.fullmatch(cell.strip())
-        if match:
-            name, unit = match["name"].strip(), match["unit"]
-            return (f"{name}_{unit}", "") if unit.lower() in AXES else (name, unit)  # "TT (x)"
-    return cell.strip(), ""
+    name, unit = name_and_unit(cell.strip())
+    return (f"{name}_{unit}", "") if unit.lower() in AXES else (name, unit)  # "TT (x)"

@@ -14,9 +14,9 @@ from pathlib import Path
 
 import numpy as np
 
-from explicitfe.inverse.measured.cells import EMPTY_CELLS, cells_of, numbers_of
+from explicitfe.inverse.measured.cells import EMPTY_CELLS, cells_of, numbers_of, refuse_several, why_no_table
 from explicitfe.inverse.measured.curve import TIME
-from explicitfe.inverse.measured.files import SMALLEST_CURVE_ROWS, lines_of
+from explicitfe.inverse.measured.files import MOST_ROWS_OUTSIDE, SMALLEST_CURVE_ROWS, lines_of
 from explicitfe.inverse.measured.marker_file import LARGEST_RECORDING_MIB, Markers, mm_per_unit, plain_names
 from explicitfe.inverse.measured.marker_header import ANY_TABLE, AXES, LAYOUTS, LIKELIHOOD, Layout, MarkerColumn, columns_of
 from explicitfe.inverse.measured.quantities import QUANTITIES, unit_of
@@ -29,10 +29,9 @@ LEAST_LIKELIHOOD = 0.6
 LARGEST_DIFFERENCE_OF_RATES_SHARE = 0.02
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 _NO_VALUE = EMPTY_CELLS | {"missing", "inf", "-inf"}
-_FRAME = re.compile(r"(frame|field)s?\W*|coords", re.IGNORECASE)
+_FRAME = re.compile(r"(frame|field)s?(_idx)?\W*|coords|fnum", re.IGNORECASE)
 _STATUS = re.compile(r"(.+?)[_ .:-](status|state)", re.IGNORECASE)
 _STATUS_OK = {"ok", "55", ""}  # the number of old programs of NDI
-_SYMBOLS = {"meters": "m", "centimeters": "cm", "millimeters": "mm", "inches": "in"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,6 +91,8 @@ def read_marker_table(path: Path, *, unit: str | None = None, rate_hz: float | N
     notes: list[str] = []
     advice = "export the table as plain text (.csv, .txt), with fewer rows"
     sheet = _sheet(path, text_of(path, advice, largest_bytes=LARGEST_RECORDING_MIB * 2**20, of_other_programs=True))
+    if sheet.layout.program == "Qualisys" and sheet.value_of("DATA_INCLUDED") == "6D":
+        raise InputError(f"{path}: the file has positions and rotations of rigid bodies (6D); export the markers (3D).")
     columns = columns_of(path, sheet.head, len(sheet.rows[0]))
     if trace and not any(column.axis for column in columns):
         columns = [replace(c, name=path.stem, axis=c.name.lower()) if c.name.lower() in AXES else c for c in columns]
@@ -111,6 +112,8 @@ def read_marker_table(path: Path, *, unit: str | None = None, rate_hz: float | N
     if trace:
         return Markers(np.arange(len(sheet.rows), dtype=float), coordinates, notes)
     others = [column for column in columns if column not in read]
+    for column in others:
+        refuse_several(path, column.name, [row[column.number] for row in sheet.rows])
     time_s, used = _times(sheet, others, rate_hz, notes)
     if extra := [column.words for column in others if column not in used]:
         notes.append(f"{path}: columns that are no coordinates are ignored: {some_names(extra)}.")
@@ -131,10 +134,15 @@ def _sheet(path: Path, text: str) -> _Sheet:
         for decimal_comma in (False, True):
             shown = [cells_of(line, separator) for line in lines[:LINES_THAT_SHOW_SEPARATORS]]
             counts = _counts(shown, decimal_comma)
-            tables = [(numbers, filled - numbers) for numbers, filled in counts if numbers > 1 and 2 * numbers > filled]
-            numbers, texts = (sum(column) for column in zip(*tables, strict=True)) if tables else (0, 0)
+            # Only lines with equal numbers of cells are rows of one table; others, such as events, stand above it.
+            tables: dict[int, list[tuple[int, int]]] = {0: []}
+            for row, (count, of) in zip(shown, counts, strict=True):
+                if count > 1 and 2 * count > of:
+                    tables.setdefault(len(row), []).append((count, of - count))
+            rows_alike = max(tables.values(), key=len)
+            numbers, texts = (sum(column) for column in zip(*rows_alike, strict=True)) if rows_alike else (0, 0)
             # Blanks may also separate words in a cell.
-            score = len(tables), -texts, numbers if separator else 0
+            score = len(rows_alike), -texts, numbers if separator else 0
             best = max(best, (score, separator, decimal_comma), key=lambda reading: reading[0])
     _, separator, decimal_comma = best
     cells = [cells_of(line, separator) for line in lines]
@@ -148,8 +156,8 @@ def _sheet(path: Path, text: str) -> _Sheet:
     begin = next((k for n, k in enumerate(filled[:-2]) if counts[k][0] > 1 and all(full[n : n + 3])), None)
     if begin is None:
         raise InputError(
-            f"{path}: no table of numbers found; export one as text, with a column for each coordinate and at least "
-            f"{SMALLEST_CURVE_ROWS} rows."
+            f"{path}: no table of numbers found{why_no_table(lines)}; export one as text, with a column for each coordinate and "
+            f"at least {SMALLEST_CURVE_ROWS} rows."
         )
     head_text = "\n".join(lines[:begin]).lstrip()
     layout = next((layout for layout in LAYOUTS if re.search(layout.sign, head_text)), ANY_TABLE)
@@ -194,7 +202,7 @@ def _sensors(sheet: _Sheet, columns: Sequence[MarkerColumn]) -> dict[str, dict[s
         trace = any(column.name.lower() in AXES for column in columns)
         advice = "name them SENSOR_AXIS_UNIT, such as T1_x_mm or TT_up_mm"
         if sheet.layout.program == "OpenSim":
-            advice = "give positions (.trc), or those of a point or body kinematics analysis"
+            advice = "rotations are no positions: give positions (.trc), or those of a point or body kinematics analysis"
         raise InputError(
             f"{sheet.path}: no column is a coordinate of a sensor; {advice}. Columns: {some_names([c.name for c in columns])}."
             f"{' A trace of the palate is drawn by `compare --palate`.' if trace else ''}"
@@ -213,8 +221,7 @@ def _quality(sheet: _Sheet, columns: Sequence[MarkerColumn]) -> Iterator[tuple[s
 
 def _lengths(sheet: _Sheet, column: MarkerColumn, unit: str | None, notes: list[str]) -> np.ndarray:
     """Coordinates in mm."""
-    own = sheet.layout.unit
-    of_file = _SYMBOLS.get(value.lower(), value) if (value := sheet.value_of(own) if own[:1].isupper() else own) else ""
+    of_file = sheet.value_of(sheet.layout.unit_key) or sheet.layout.unit
     stated = column.unit or ("" if sheet.layout.program else unit or "")
     if not stated and not sheet.layout.program:
         raise InputError(
@@ -249,6 +256,11 @@ def _times(
     if rate_hz is not None or (time is None and of_file > 0.0):
         numbers = np.arange(count, dtype=float) if frame is None else sheet.values(frame)
         steps = np.diff(numbers)
+        if (again := int((steps <= 0.0).sum())) > MOST_ROWS_OUTSIDE:
+            raise InputError(
+                f"{path}: the number of the frame repeats or goes back in {again} rows; put each track or trial into a file of "
+                "its own."
+            )
         if not (np.median(steps) == 1.0 and (steps > 0.0).all()):
             notes.append(
                 f"{path}: the numbers of the frames do not count the rows; {rate_hz or of_file:g} Hz is taken as their rate."

@@ -33,14 +33,20 @@ def _words(pattern: str) -> re.Pattern[str]:
     return re.compile(pattern, re.IGNORECASE)
 
 
-_POUND_FORCE_N, _GRAM_FORCE_N = 4.4482216152605, 9.80665e-3
+_POUND_FORCE_N, _GRAM_FORCE_N, _PSI_PA = 4.4482216152605, 9.80665e-3, 6894.757293168
 _TIMES = {"s": 1.0, "ms": 1e-3, "µs": 1e-6, "min": 60.0, "h": 3600.0}
 _LENGTHS = {"mm": 1.0, "cm": 10.0, "m": 1e3, "µm": 1e-3, "nm": 1e-6, "in": 25.4, "mil": 0.0254}
 _FORCES = {"N": 1.0, "mN": 1e-3, "µN": 1e-6, "nN": 1e-9, "kN": 1e3, "gf": _GRAM_FORCE_N, "kgf": 1e3 * _GRAM_FORCE_N}
-_FORCES |= {"lbf": _POUND_FORCE_N, "ozf": _POUND_FORCE_N / 16.0, "dyn": 1e-5}
-_STRESSES = {"Pa": 1.0, "hPa": 1e2, "kPa": 1e3, "MPa": 1e6, "GPa": 1e9, "psi": 6894.757293168, "bar": 1e5, "mbar": 1e2}
+_FORCES |= {"cN": 1e-2, "daN": 10.0, "lbf": _POUND_FORCE_N, "ozf": _POUND_FORCE_N / 16.0, "dyn": 1e-5}
+_STRESSES = {"Pa": 1.0, "hPa": 1e2, "kPa": 1e3, "MPa": 1e6, "GPa": 1e9, "psi": _PSI_PA, "bar": 1e5, "mbar": 1e2}
 _STRESSES |= {"N/mm2": 1e6, "N/m2": 1.0, "N/cm2": 1e4, "mN/mm2": 1e3, "kN/m2": 1e3, "kgf/cm2": 1e7 * _GRAM_FORCE_N}
-_STRESSES |= {"kgf/mm2": 1e9 * _GRAM_FORCE_N, "gf/mm2": 1e6 * _GRAM_FORCE_N, "mmHg": 133.322387415, "dyn/cm2": 0.1}
+_STRESSES |= {
+    "kgf/mm2": 1e9 * _GRAM_FORCE_N,
+    "gf/mm2": 1e6 * _GRAM_FORCE_N,
+    "mmHg": 133.322387415,
+    "dyn/cm2": 0.1,
+    "ksi": 1e3 * _PSI_PA,
+}
 _SHARES = {"1": 1.0, "%": 0.01, "‰": 1e-3, "µε": 1e-6}
 
 QUANTITIES: dict[Quantity, Measured] = {
@@ -48,7 +54,7 @@ QUANTITIES: dict[Quantity, Measured] = {
     "displacement": Measured(
         _LENGTHS,
         _words(
-            r"displ|depl|despl|sposta|exten|crosshead|traverse|weg$|^weg|compression|indent|depth|stroke|travel|position|^z$|^u$"
+            r"disp|depl|despl|sposta|exten|crosshead|traverse|weg$|^weg|compression|indent|depth|stroke|travel|position|^z$|^u$"
         ),
         "displacement_mm",
     ),
@@ -67,6 +73,7 @@ _SPELLINGS = {
     "oz": "ozf", "kg/cm2": "kgf/cm2", "kg/mm2": "kgf/mm2", "g/mm2": "gf/mm2", "lbf/in2": "psi", "lb/in2": "psi",
     "percent": "%", "pct": "%", "mm/mm": "1", "m/m": "1", "in/in": "1", "-": "1", "none": "1", "permille": "‰",
     "ustrain": "µε", "microstrain": "µε", "µm/m": "µε", "mm/m": "‰",
+    '"': "in", "\u2032\u2032": "in", "meters": "m", "centimeters": "cm",
 }  # fmt: skip
 
 

@@ -279,14 +279,14 @@ def _show(export: Export) -> None:
 
 def _only_stress(export: Export, kind: str) -> bool:
     """Whether a file of a compression or tension test has a stress column and no force column."""
-    from explicitfe.inverse.measured.columns import guessed
+    from explicitfe.inverse.measured.columns import candidates
 
-    return kind != "indentation" and guessed(export, "force") is None and guessed(export, "stress") is not None
+    return kind != "indentation" and not candidates(export, "force") and bool(candidates(export, "stress"))
 
 
 def _choice(export: Export, quantity: Quantity, stated: str | None, lacking: list[str]) -> Choice | None:
     """Column and unit of a quantity: as given, by its name, or by asking."""
-    from explicitfe.inverse.measured.columns import Choice, chosen, guessed
+    from explicitfe.inverse.measured.columns import Choice, candidates, chosen
     from explicitfe.inverse.measured.new_dataset import missing
     from explicitfe.inverse.measured.quantities import QUANTITIES, unit_of
 
@@ -294,11 +294,12 @@ def _choice(export: Export, quantity: Quantity, stated: str | None, lacking: lis
     if stated is not None:
         column, unit = chosen(export, quantity, stated)
     else:
-        column = guessed(export, quantity)
+        possible = candidates(export, quantity)
+        column = possible[0] if len(possible) == 1 else None
         unit = None if column is None else unit_of(quantity, column.unit)
     units = list(QUANTITIES[quantity].units)
     if (column is None or unit is None) and not asking.somebody_is_there():
-        lacking.append(missing(export, quantity))
+        lacking.append(missing(export, quantity, column))
         return None
     if column is None:
         names = ", ".join(f"{k + 1} {column.name}" for k, column in enumerate(export.columns))
@@ -414,9 +415,9 @@ def _strip(length_mm: float | None, area_mm2: float | None, lacking: list[str]) 
 
 def _rate(given: float | None, export: Export, time: str | None) -> float | None:
     """Loading rate, if there is no time column."""
-    from explicitfe.inverse.measured.columns import guessed
+    from explicitfe.inverse.measured.columns import candidates
 
-    if given is not None or time is not None or guessed(export, "time") is not None or not asking.somebody_is_there():
+    if given is not None or time is not None or candidates(export, "time") or not asking.somebody_is_there():
         return given
     if asking.ask("Is there a time column (yes, no)", asking.yes_or_no, "yes"):
         return None

@@ -2,26 +2,48 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
+
+import numpy as np
 
 from explicitfe.inverse.measured.export import Export, ExportColumn
 from explicitfe.inverse.measured.quantities import QUANTITIES, Quantity, is_unit, measure_of, unit_of
-from explicitfe.platform.errors import InputError, nearest, shortened
+from explicitfe.platform.errors import InputError, shortened
+
+# "Weg Soll", "Disp set": what the machine should have done.
+_SET_VALUE = re.compile(r"soll(wert)?\b|\bset\b|set.?(point|value)|target|command|demand|consigne", re.IGNORECASE)
 
 
-def guessed(export: Export, quantity: Quantity) -> ExportColumn | None:
-    """Return the column of a quantity by its name, or by its unit if only one column has such a unit; None if there is none."""
+def candidates(export: Export, quantity: Quantity) -> list[ExportColumn]:
+    """Return the columns that a quantity may be by their names, or if there are none by their units.
+
+    Another strain is none beside an engineering strain, a set value beside a measured one, and a time that goes back or stands
+    still beside one that does not.
+    """
     # "Time at load (s)" is no force.
     possible = [c for c in export.columns if not is_unit(c.unit) or c.unit == "-" or unit_of(quantity, c.unit) is not None]
-    named = [column for column in possible if QUANTITIES[quantity].names.search(column.name)]
-    # An engineering strain needs no conversion; "Time" comes before "Time at load".
-    words = QUANTITIES[quantity].names
-    named.sort(key=lambda column: (measure_of(quantity, column.name) is not None, not words.fullmatch(column.name)))
-    fitting = [column for column in named if unit_of(quantity, column.unit) is not None]
-    if fitting or named:
-        return (fitting or named)[0]
     with_unit = [column for column in possible if unit_of(quantity, column.unit) is not None]
-    return with_unit[0] if len(with_unit) == 1 else None
+    named = [column for column in possible if QUANTITIES[quantity].names.search(column.name)]
+    best = [column for column in named if column in with_unit] or named or with_unit
+    for worse in (
+        lambda column: measure_of(quantity, column.name) is not None,
+        lambda column: _SET_VALUE.search(column.name) is not None,
+        lambda column: quantity == "time" and ((np.diff(_numbers(column)) < 0.0).any() or not np.ptp(_numbers(column))),
+    ):
+        best = [column for column in best if not worse(column)] or best
+    return best
+
+
+def set_value(export: Export, choice: Choice) -> str:
+    """Return the name of the column with the set values of a quantity, where another was chosen; empty if there is none."""
+    words = QUANTITIES[choice.quantity].names
+    names = [column.name for column in export.columns if _SET_VALUE.search(column.name) and words.search(column.name)]
+    return names[0] if names and choice.column.name not in names else ""
+
+
+def _numbers(column: ExportColumn) -> np.ndarray:
+    return column.values[np.isfinite(column.values)]
 
 
 @dataclass(frozen=True)
@@ -53,6 +75,8 @@ def chosen(export: Export, quantity: Quantity, words: str) -> tuple[ExportColumn
         return column, None
     known = unit_of(quantity, stated)
     if known is None and colon:
-        valid = QUANTITIES[quantity].units
-        raise InputError(f'{export.path}: "{shortened(stated)}" is no unit of the {quantity}; {nearest(stated, valid)}')
+        raise InputError(
+            f'{export.path}: "{shortened(stated)}" is no known unit of the {quantity}; convert the column to one of '
+            f"{', '.join(QUANTITIES[quantity].units)}."
+        )
     return column, known

@@ -24,9 +24,11 @@ from explicitfe.inverse.measured.cells import (
     name_and_unit,
     numbers_of,
     plain_numbers,
+    refuse_several,
+    why_no_table,
 )
-from explicitfe.inverse.measured.files import SMALLEST_CURVE_ROWS, lines_of
-from explicitfe.inverse.measured.quantities import is_name, is_unit
+from explicitfe.inverse.measured.files import MOST_ROWS_OUTSIDE, MOST_ROWS_OUTSIDE_SHARE, SMALLEST_CURVE_ROWS, lines_of
+from explicitfe.inverse.measured.quantities import QUANTITIES, is_name, is_unit, unit_of
 from explicitfe.platform.errors import InputError, nearest, shortened
 from explicitfe.platform.host.text import text_of
 
@@ -39,12 +41,12 @@ MOST_ROWS_AT_ONCE = 4096
 LINES_BELOW_NAMES = 3  # So many lines of text may stand between names and rows.
 LINES_OF_A_CELL = 5  # A quoted cell of a header may go on over so many lines.
 SEPARATORS = (";", "\t", ",", None)  # None: blanks
-# A table is refused if more rows of numbers than this, or a larger share, are not part of it.
-MOST_ROWS_OUTSIDE, MOST_ROWS_OUTSIDE_SHARE = 5, 0.02
 # A column is one of numbers if at least this share of its cells are: a force may be out of range in most rows.
 FEWEST_NUMBERS_SHARE = 0.1
 _NAMES_AND_BRACKETS = re.compile(r"[^\s(\[]+(?:\s?[(\[][^)\]]*[)\]])?")
 _COMMENT = re.compile(r"^\s*(#+|%+|//|!)\s*")
+_KEY = re.compile(r"^\w+:\s+")  # of a line of comment: "# columns: time height force"
+TWO_UNITS = " or "  # between the units of a column that has two
 
 
 @dataclass(frozen=True, eq=False)
@@ -178,7 +180,7 @@ def read_export(path: Path, *, whole: bool = True) -> Export:
     if (longest := max(lengths)) > LONGEST_ROW_CHARACTERS:
         raise InputError(
             f"{path}, line {lengths.index(longest) + 1}: the line has {longest} characters, and a row of a table has at most "
-            f"{LONGEST_ROW_CHARACTERS}; export the table again, with one row per line."
+            f"{LONGEST_ROW_CHARACTERS}{why_no_table(lines)}; export the table again, with one row per line."
         )
     lines = lines if whole else lines[:LINES_THAT_SHOW_THE_LAYOUT]
     lines = _whole_cells(lines) if '"' in text else lines
@@ -186,6 +188,10 @@ def read_export(path: Path, *, whole: bool = True) -> Export:
     block, notes = _table(path, lines, layout)
     names, units, top = _names(path, lines, block.lines[0] - 1, layout)
     cells = [block.columns[k] for k in layout.numeric]
+    for name, column in zip(names, block.columns, strict=True):
+        refuse_several(path, name, column)
+    if len(layout.numeric) > len(block.lines) and sum(is_name(name_and_unit(cell)[0]) for cell in block.columns[0]) > 1:
+        raise InputError(f"{path}: each quantity stands in a row; transpose the table, so that each stands in a column.")
     decimal = decimal_mark(path, cells, block.lines)
     columns = []
     texts: list[tuple[int, str]] = []
@@ -243,8 +249,8 @@ def _layout(path: Path, lines: Sequence[str]) -> _Layout:
             best, largest = _Layout(separator, width, tuple(numeric)), score
     if best is None:
         raise InputError(
-            f"{path}: no table of numbers found in the first {LINES_THAT_SHOW_THE_LAYOUT} lines; export one as text, with a "
-            f"column for each quantity and at least {SMALLEST_CURVE_ROWS} rows."
+            f"{path}: no table of numbers found in the first {LINES_THAT_SHOW_THE_LAYOUT} lines{why_no_table(lines)}; export one "
+            f"as text, with a column for each quantity and at least {SMALLEST_CURVE_ROWS} rows."
         )
     return best
 
@@ -375,15 +381,22 @@ def _names(path: Path, lines: Sequence[str], begin: int, layout: _Layout) -> tup
     pairs = [("", "")] * width if names is None else [name_and_unit(cell) for cell in names[1]]
     return (
         [name or f"column {k + 1}" for k, (name, _) in enumerate(pairs)],
-        [unit or word for (_, unit), word in zip(pairs, words, strict=True)],
+        [_one_unit(unit, word) for (_, unit), word in zip(pairs, words, strict=True)],
         min([row[0] for row in (units, names) if row is not None], default=begin),
     )
+
+
+def _one_unit(in_name: str, below: str) -> str:
+    """The unit of a column; both where its name and the row of units state different ones."""
+    differ = "-" not in (in_name, below) and is_unit(in_name) and is_unit(below)
+    differ &= any(unit_of(quantity, in_name) != unit_of(quantity, below) for quantity in QUANTITIES)
+    return f"{in_name}{TWO_UNITS}{below}" if differ else in_name or below
 
 
 def _names_in(line: str, layout: _Layout) -> list[str] | None:
     """The cells of a line above the rows, one per column; None if it has others, or numbers."""
     plain = _COMMENT.sub("", line)
-    readings = [cells_of(line, layout.separator), cells_of(plain, layout.separator)]
+    readings = [cells_of(text, layout.separator) for text in (line, plain, *([_KEY.sub("", plain)] if plain != line else []))]
     if layout.separator is None:
         readings += [_NAMES_AND_BRACKETS.findall(plain), re.split(r"\s{2,}|\t", plain.strip())]
     for cells in readings:
@@ -392,5 +405,6 @@ def _names_in(line: str, layout: _Layout) -> list[str] | None:
             cells = cells[: layout.width]
             if len(cells[0]) > 1:
                 cells[0] = _COMMENT.sub("", cells[0])
-            return cells if sum(map(is_number, cells)) < 2 else None
+            if sum(map(is_number, cells)) < (2 if plain == line else 1):
+                return cells
     return None

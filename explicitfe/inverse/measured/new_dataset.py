@@ -12,12 +12,12 @@ from typing import NamedTuple
 import numpy as np
 from typing_extensions import TypedDict
 
-from explicitfe.inverse.measured.columns import Choice, guessed
+from explicitfe.inverse.measured.columns import Choice, candidates, set_value
 from explicitfe.inverse.measured.contact import CONTACT_POWERS, approach_of, contact_before
 from explicitfe.inverse.measured.curve import TIME
-from explicitfe.inverse.measured.export import MOST_ROWS_OUTSIDE, MOST_ROWS_OUTSIDE_SHARE, Export
-from explicitfe.inverse.measured.files import LARGEST_CURVE_ROWS, SMALLEST_CURVE_ROWS
-from explicitfe.inverse.measured.quantities import QUANTITIES, Quantity, measure_of
+from explicitfe.inverse.measured.export import TWO_UNITS, Export, ExportColumn
+from explicitfe.inverse.measured.files import LARGEST_CURVE_ROWS, SMALLEST_CURVE_ROWS, later_rows
+from explicitfe.inverse.measured.quantities import QUANTITIES, Quantity, is_unit, measure_of
 from explicitfe.inverse.measured.read import read_dataset
 from explicitfe.inverse.measured.tables import RawTable, TestKind
 from explicitfe.inverse.measured.units import FAR_FROM_ZERO_SHARE
@@ -28,6 +28,10 @@ from explicitfe.results.files.folder import whole_folder
 
 LARGEST_FIRST_STRAIN = 0.5
 FAR_FROM_ZERO_SDS = 3.0  # A mean force before contact beyond so many standard errors is the zero of the load cell.
+# A number that is so many times all others marks missing values if programs use it for that; any other needs the square of it,
+# and must be repeated in few rows.
+FAR_OUTSIDE, MOST_MARKS_SHARE = 10.0, 0.1
+_MARK = re.compile(r"9{3,}(\.9+)?|.*e\+\d+|3276[78]|65535|16512|2147483647|2147483648")
 _NOT_IN_A_NAME = re.compile(r"[^a-z0-9.]+")
 
 
@@ -217,6 +221,9 @@ def write_folder(
             read_dataset(folder)
         except InputError as error:
             sentence = str(error).replace(str(folder), str(out))
+            for curve in curves:
+                written = f"{ids[curve.file]}.csv"
+                sentence = sentence.replace(str(out / written), f"{curve.file}, converted to {written} (not written)")
             raise InputError(sentence.replace(f"{DATASET_FILE}, line", f"{DATASET_FILE} (not written), line")) from None
     return [
         {
@@ -252,7 +259,10 @@ def _rows(export: Export, choices: Sequence[Choice], description: TestDescriptio
     """Convert the columns of a file to the units, signs and zeros of a dataset: (rows, columns)."""
     file = export.path
     notes += export.notes
-    values = [choice.column.values * choice.factor for choice in choices]
+    values = [_without_marks(export, choice, notes) * choice.factor for choice in choices]
+    for choice in choices:
+        if other := set_value(export, choice):
+            notes.append(f'{file}: "{choice.column.name}" is taken as the {choice.quantity}, not the set value "{other}".')
     rows = np.column_stack(values if len(values) > 2 else [np.zeros(len(values[0])), *values])
     complete = np.isfinite(rows).all(axis=1)
     if not complete.all():
@@ -268,15 +278,7 @@ def _rows(export: Export, choices: Sequence[Choice], description: TestDescriptio
         imposed = 2 if description.tool is not None and description.tool["control"] == "force" else 1
         path = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(rows[:, imposed])))])
         rows[:, 0] = path / (description.rate_per_s or 1.0)
-    latest = np.maximum.accumulate(rows[:, 0])
-    back = rows[:, 0] < latest
-    if back.sum() > min(MOST_ROWS_OUTSIDE, MOST_ROWS_OUTSIDE_SHARE * len(rows)):
-        first = int(back.argmax())
-        raise InputError(
-            f"{file}, line {line_of[first]}: the time goes back from {latest[first]:g} s to {rows[first, 0]:g} s; put tests that "
-            "have their own time into files of their own, or export the time of the whole test."
-        )
-    later = np.append(True, np.diff(latest) > 0.0)
+    later = later_rows(file, rows[:, 0], line_of)
     if not later.all():
         why = "whose time does not increase" if len(choices) > 2 else "in which the load does not change, and so have no time,"
         notes.append(f"{file}: {(~later).sum()} rows {why} are omitted, the first one in line {line_of[~later][0]}.")
@@ -290,6 +292,25 @@ def _rows(export: Export, choices: Sequence[Choice], description: TestDescriptio
         rows[:, 1] = 1.0 + rows[:, 1] / description.strip.length_mm
         rows[:, 2] = rows[:, 2] / (1e-6 * description.strip.area_mm2)
     return thinned(file, rows, notes)
+
+
+def _without_marks(export: Export, choice: Choice, notes: list[str]) -> np.ndarray:
+    """The values of a column, nan where a number such as -9999 or 1e30 marks a missing one."""
+    values = choice.column.values.copy()
+    while choice.quantity != "time" and np.isfinite(values).any():
+        mark = values[np.nanargmax(np.abs(values))]
+        rows = values == mark
+        others = np.nanmax(np.abs(values[~rows]), initial=0.0)
+        looks = _MARK.fullmatch(f"{abs(mark):.10g}".rstrip("0").rstrip(".")) is not None
+        far = FAR_OUTSIDE if looks else FAR_OUTSIDE**2
+        if not (0.0 < far * others < abs(mark) and (looks or 1 < rows.sum() <= MOST_MARKS_SHARE * len(rows))):
+            break
+        notes.append(
+            f'{export.path}: {mark:g} in the column "{choice.column.name}" is far outside all other values and is taken as '
+            f"missing in {rows.sum()} rows, first in line {export.line_of[rows][0]}."
+        )
+        values[rows] = np.nan
+    return values
 
 
 def thinned(file: Path, rows: np.ndarray, notes: list[str]) -> np.ndarray:
@@ -385,13 +406,23 @@ def _from_contact(file: Path, rows: np.ndarray, description: TestDescription, no
     return rows
 
 
-def missing(export: Export, quantity: Quantity) -> str:
+def missing(export: Export, quantity: Quantity, column: ExportColumn | None = None) -> str:
     """The option that states the column of a quantity and its unit, and why it is needed."""
-    column, units = guessed(export, quantity), QUANTITIES[quantity].units
+    possible = candidates(export, quantity) if column is None else [column]
+    units = list(QUANTITIES[quantity].units)
     otherwise = ", or --rate PER_S without a time column," if quantity == "time" else ""
-    if column is None:
-        why = f"no column is known as the {quantity}"
-    else:
-        why = f'"{shortened(column.unit)}" is no unit of it' if column.unit else "its unit is not stated"
-    name = "COLUMN" if column is None else shortened(column.name)
-    return f'--{quantity} "{name}:{next(iter(units))}"{otherwise} ({why}; units: {", ".join(units)})'
+    name, unit, why = "COLUMN", units[0], f"no column is known as the {quantity}"
+    if len(possible) > 1:
+        named = ", ".join(f'{export.columns.index(c) + 1} "{shortened(c.name)}"' for c in possible)
+        return f"--{quantity} COLUMN ({len(possible)} columns may be it: {named}; give the name or the number of one)"
+    if possible:
+        name, stated = shortened(possible[0].name), shortened(possible[0].unit)
+        if not stated:
+            why = "its unit is not stated"
+        elif TWO_UNITS in stated:
+            unit, why = "UNIT", f"its name and the row of units state different ones, {stated}"
+        elif is_unit(stated):
+            name, why = "COLUMN", f'"{name}" is in {stated}'
+        else:
+            unit, why = "UNIT", f'"{stated}" is no known unit: convert the column to one of those that are'
+    return f'--{quantity} "{name}:{unit}"{otherwise} ({why}; units: {", ".join(units)})'

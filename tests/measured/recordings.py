@@ -54,10 +54,12 @@ def trc(times_s: np.ndarray, places: np.ndarray, *, unit: str = "mm", count: int
     return "\n".join(head + rows(times_s, factor * places, before=numbered(times_s), **options)) + "\n"
 
 
-def sto(times_s: np.ndarray, places: np.ndarray, *, vectors: bool = False) -> str:
+def sto(times_s: np.ndarray, places: np.ndarray, *, vectors: bool = False, unit: str = "") -> str:
+    """``unit``: stated in the header of vectors; metres if none is."""
     if vectors:
-        head = ["DataRate=200", "DataType=Vec3", "version=3", "endheader", "\t".join(["time", *NAMES])]
-        body = [[f"{t}", *(",".join(map(cell, place)) for place in row)] for t, row in zip(times_s, 1e-3 * places, strict=True)]
+        head = ["DataRate=200", "DataType=Vec3", *([f"Units={unit}"] if unit else []), "endheader", "\t".join(["time", *NAMES])]
+        shown = places if unit == "mm" else 1e-3 * places
+        body = [[f"{t}", *(",".join(map(cell, place)) for place in row)] for t, row in zip(times_s, shown, strict=True)]
         return "\n".join([*head, *map("\t".join, body)]) + "\n"
     head = ["PointKinematics", f"nRows={len(times_s)}", f"nColumns={1 + 3 * len(NAMES)}", "inDegrees=no", "", "endheader"]
     head += ["\t".join(["time", *(f"{name}_{axis}" for name in NAMES for axis in "XYZ")])]
@@ -97,17 +99,35 @@ def motive(times_s: np.ndarray, places: np.ndarray, *, body: bool = False, unit:
 
 
 def qtm(
-    times_s: np.ndarray, places: np.ndarray, *, labels: bool = True, leading: int = 2, count: int | None = None, **options
+    times_s: np.ndarray,
+    places: np.ndarray,
+    *,
+    labels: bool = True,
+    leading: int = 2,
+    count: int | None = None,
+    event: str = "",
+    data: str = "3D",
+    **options,
 ) -> str:
     stated = {"NO_OF_FRAMES": count or len(times_s), "NO_OF_CAMERAS": 8, "NO_OF_MARKERS": len(NAMES), "FREQUENCY": f"{RATE_HZ:g}",
               "NO_OF_ANALOG": 0, "ANALOG_FREQUENCY": 0, "DESCRIPTION": "--", "TIME_STAMP": "2024-05-01, 10:11:12.131\t12345.678",
-              "DATA_INCLUDED": "3D"}  # fmt: skip
+              "DATA_INCLUDED": data}  # fmt: skip
     head = [f"{key}\t{value}" for key, value in stated.items()] + ["\t".join(["MARKER_NAMES", *NAMES])]
+    head[-1:-1] = [f"EVENT\t{event}\t51\t0.5"] if event else []
     head += ["\t".join(["TRAJECTORY_TYPES", *["Measured"] * 4])]
     if labels:
         head += ["\t".join([*["Frame", "Time"][:leading], *(f"{name} {axis}" for name in NAMES for axis in "XYZ")])]
     front = [line[:leading] for line in numbered(times_s)]
     return "\n".join(head + rows(times_s, places, before=front, **options)) + "\n"
+
+
+def sleap(times_s: np.ndarray, places: np.ndarray, *, tracks: int = 1, mm_per_px: float = 0.2) -> str:
+    """Rows of a video as DeepLabCut has them; several tracks of the same animal in turn."""
+    lines = ["track,frame_idx,instance.score," + ",".join(f"{name}.x,{name}.y,{name}.score" for name in NAMES)]
+    for k, row in enumerate(places):
+        cells = [cell(v) for x, _, z in row for v in (x / mm_per_px, 1000.0 - z / mm_per_px, 0.9)]
+        lines += [",".join([f"track_{track}" if tracks > 1 else "", str(k), "0.9", *cells]) for track in range(tracks)]
+    return "\n".join(lines) + "\n"
 
 
 def wave(times_s: np.ndarray, places: np.ndarray, *, ok: str = "OK", bad: str = "Out of Volume", values: bool = False) -> str:

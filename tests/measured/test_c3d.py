@@ -99,7 +99,8 @@ def test_names_are_unique_and_angles_are_no_positions(tmp_path: Path) -> None:
     path = write_c3d(tmp_path / "a.c3d", places_mm(), names=("TT", "TT", "", "Knee"), angles=("Knee",))
     coils = read_coils(path)
     assert list(coils.positions) == ["TT", "TT 2", "marker 3"]
-    assert coils.notes == [f"{path}: points that are no positions are ignored: Knee."]
+    again = f"{path}: labels that occur again have a number: TT 2."
+    assert coils.notes == [again, f"{path}: points that are no positions are ignored: Knee."]
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -11,6 +12,7 @@ import pytest
 import recordings as files
 from command import command
 from recordings import NAMES, RATE_HZ, movement, table
+from scipy.io import savemat
 
 from explicitfe.inverse.measured.coils import Coils, read_coils
 from explicitfe.inverse.measured.registration import check_directions, procrustes
@@ -71,6 +73,16 @@ FORMS = {
     "qualisys with zeros, no labels": form("a.tsv", files.qtm, leading=0, labels=False, lost_as=0.0, notes=ZERO),
     "qualisys with NULL": form("a.tsv", files.qtm, lost="NULL"),
     "qualisys, no frame, empty": form("a.tsv", files.qtm, leading=0),
+    "qualisys with an event of two words": form("a.tsv", files.qtm, event="Release 2"),
+    "qualisys with an event, no labels": form("a.tsv", files.qtm, event="Release 2", leading=0, lost_as=0.0, notes=ZERO),
+    "sto of vectors in millimetres": form("a.sto", files.sto, lost_as=0.0, vectors=True, unit="mm"),
+    "motive of an old version": form(
+        "a.csv", lambda t, p: files.motive(t, p).replace("\n,Type,", "\n,,").replace("\n,Name,", "\n,,").replace("\n,ID,", "\n,,")
+    ),
+    "sleap": form("a.csv", files.sleap, options=PX, places=tongue, notes=("y of a picture points down; its sign is reversed",)),
+    "the unit of the time below its name": form(
+        "a.csv", lambda t, p: table(t, p, two_lines=True, time="s").replace(",", "Time,", 1), options={"unit": "mm"}
+    ),
     "wave": form("a.tsv", files.wave, called="Sensor {number}"),
     "wave with values where it is lost": form("a.tsv", files.wave, called="Sensor {number}", values=True, notes=STATUS),
     "wave of an old program": form("a.tsv", files.wave, called="Sensor {number}", ok="55", bad="119"),
@@ -154,6 +166,11 @@ def table_with(line: int, text: str) -> Callable[[np.ndarray, np.ndarray], str]:
     return write
 
 
+def matrices(times_s: np.ndarray, places: np.ndarray) -> bytes:
+    savemat(file := io.BytesIO(), {"TT": places[:, 0]})
+    return file.getvalue()
+
+
 REFUSED = {
     "trc that ends early": (form("a.trc", files.trc, count=100), "ends after 57 of 100 rows (NumFrames)"),
     "qualisys that ends early": (form("a.tsv", files.qtm, count=60), "ends after 57 of 60 rows (NO_OF_FRAMES)"),
@@ -161,6 +178,21 @@ REFUSED = {
         form("a.mot", lambda t, p: "Coordinates\nnRows=3\nendheader\ntime\tknee\thip\n" + "0\t1\t2\n" * 3),
         "body kinematics analysis. Columns: time, knee, hip.",
     ),
+    "rotations in radians": (
+        form("a.mot", lambda t, p: "Coordinates\ninDegrees=no\nendheader\ntime\tjaw_rx\tjaw_ry\tjaw_rz\n" + "0\t1\t2\t3\n" * 3),
+        "rotations are no positions: give positions (.trc)",
+    ),
+    "6D": (form("a.tsv", files.qtm, data="6D"), "positions and rotations of rigid bodies (6D); export the markers (3D)"),
+    "two tracks": (form("a.csv", files.sleap, options=PX, tracks=2), 'of the column "track" (track_0, track_1)'),
+    "two tracks without names": (
+        form("a.csv", lambda t, p: files.sleap(t, p, tracks=2).replace("track", "kind"), options=PX),
+        "the number of the frame repeats or goes back in 57 rows",
+    ),
+    "two trials": (
+        form("a.csv", lambda t, p: table(t, p) + "".join(table(t, p).partition("\n")[2:])),
+        "the time goes back from 0.28 s to 0 s; put tests that have their own time into files of their own",
+    ),
+    "plain matrices": (form("a.mat", matrices), "no variable is a structure array of mview, with NAME, SRATE"),
     "pixels": (form("a.csv", files.deeplabcut), 'the unit "px" is no unit of length; give `unit`'),
     "no rate": (form("a.csv", files.deeplabcut, options={"unit": "0.2mm"}), "give the sampling rate with `rate_hz`"),
     "a word in a row": (form("a.csv", table_with(9, "0.04,OVER,2,3,1,2,3,1,2,3,1,2,3")), 'line 10: "OVER" in the column "TT_x"'),

@@ -209,6 +209,23 @@ READ: dict[str, str] = {
     ),
     "empty columns behind": table(change=lambda lines: [f"{line},,," for line in lines]),
     "old Macintosh lines": table().replace("\n", "\r"),
+    "cN": table(("Time (s)", "Travel (cm)", "Force (cN)"), (TIME, 0.1 * DISPLACEMENT, 100.0 * FORCE), decimals=(2, 5, 4)),
+    "daN": table(("Time (s)", "Course (cm)", "Effort (daN)"), (TIME, 0.1 * DISPLACEMENT, 0.1 * FORCE), decimals=(2, 5, 6)),
+    "inches by their mark": table(
+        ("Time (s)", 'Deflection (")', "Load (lb)"), (TIME, DISPLACEMENT / 25.4, FORCE / 4.4482216), ";", (2, 7, 7)
+    ),
+    "names and units behind keys of a comment": table(
+        ("# columns: seriesTime separation vDeflection",),
+        (TIME, 1e-3 * DISPLACEMENT, FORCE),
+        " ",
+        (2, 8, 4),
+        change=lambda lines: ["# index: 0", "# xPosition: 1.2E-6", lines[0], "# units: s m N", *lines[1:]],
+    ),
+    "a time that begins again beside one that does not": table(
+        ("Scan time (s)", "Elapsed time (s)", "Disp (mm)", "Load (N)"),
+        (TIME % 5.0, TIME, DISPLACEMENT, FORCE),
+        decimals=(2, 2, 4, 4),
+    ),
 }
 
 
@@ -243,6 +260,7 @@ HOMOGENEOUS: dict[str, str] = {
             "mmHg": 133.322387415,
             "psi": 6894.757293168,
             "GPa": 1e9,
+            "ksi": 6894757.293168,
         }.items()
     },
     "true strain and stress": measured("True strain", "True stress", np.log(STRETCH), STRESS * STRETCH),
@@ -319,7 +337,21 @@ NOTED: dict[str, tuple[str, int, str]] = {
         100,
         "1 row of numbers outside the table omitted, the first one in line 102: it has 2 cells",
     ),
-}
+    **{
+        f"{mark} for a missing force": (
+            table(change=lambda lines, mark=mark: cell(30, 2, mark)(cell(10, 2, mark)(lines))),
+            ROWS - 2,
+            f'{float(mark):g} in the column "Load" is far outside all other values and is taken as missing in 2 rows',
+        )
+        for mark in ("-9999", "-16512", "1e30", "32768", "-5000")
+    },
+    "a measured and a set displacement": (
+        table(("Zeit (s)", "Weg Soll (mm)", "Weg Ist (mm)", "Kraft (N)"), (TIME, 1.05 * DISPLACEMENT, DISPLACEMENT, FORCE), ";",
+              (2, 4, 4, 4)),
+        ROWS,
+        '"Weg Ist" is taken as the displacement, not the set value "Weg Soll"',
+    ),
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("form", NOTED)
@@ -335,6 +367,14 @@ def test_a_lost_row_is_noted(
     assert note in " ".join(answer["notes"])
 
 
+def beside(*names: str, of: Sequence[float] = (1.0, 1.4)) -> str:
+    """Specimens beside each other."""
+    columns = [column for factor in of for column in (DISPLACEMENT, factor * FORCE)]
+    return table(("Time (s)", *names), (TIME, *columns), decimals=(2, *[4] * len(columns)))
+
+
+TWO_UNITS = table(("Time (s)", "Extension (mm)", "Load (kN)"), change=insert(1, "s,mm,N"))
+BELOW = [f"{name},{line}" for name in "AB" for line in table(columns=(DISPLACEMENT, FORCE), decimals=(4, 4)).splitlines()[1:]]
 OTHER = ["Time (s),Extension (mm),Temperature (C)", *(f"{k},1.5,20.0" for k in range(ROWS // 2))]
 REFUSED: dict[str, tuple[str, list[str], str]] = {
     "thousands without quotes": (
@@ -396,7 +436,7 @@ REFUSED: dict[str, tuple[str, list[str], str]] = {
     "an unknown unit": (
         table(("Time (s)", "Extension (mm)", "Load (V)")),
         GEL,
-        'add --force "Load:N" ("V" is no unit of it; units: N, mN',
+        'add --force "Load:UNIT" ("V" is no known unit: convert the column to one of those that are; units: N, mN',
     ),
     "no units": (
         table(("Time", "Extension", "Load")),
@@ -406,7 +446,7 @@ REFUSED: dict[str, tuple[str, list[str], str]] = {
     "no units, several options": (
         table(("Time", "Extension", "Load")),
         GEL[:2],
-        '--force "Load:N" (its unit is not stated; units: N, mN, µN, nN, kN, gf, kgf, lbf, ozf, dyn), --diameter-mm',
+        '--force "Load:N" (its unit is not stated; units: N, mN, µN, nN, kN, gf, kgf, cN, daN, lbf, ozf, dyn), --diameter-mm',
     ),
     "no time": (
         table(("Extension (mm)", "Load (N)"), (DISPLACEMENT, FORCE), decimals=(4, 4)),
@@ -415,6 +455,45 @@ REFUSED: dict[str, tuple[str, list[str], str]] = {
     ),
     "numbers with units": (table(change=each(lambda k, line: f"{line} N")), GEL, '"Load" has text, such as "0.0000 N"'),
     "only text": ("Time;Load\nnone;some\n", GEL, "no table of numbers found"),
+    "two units of the force": (TWO_UNITS, GEL, "its name and the row of units state different ones, kN or N"),
+    "two load cells": (
+        table(
+            ("Time (s)", "Disp (mm)", "Load 1kN (N)", "Load 10N (N)"), (TIME, DISPLACEMENT, 1.02 * FORCE, FORCE), decimals=[4] * 4
+        ),
+        GEL,
+        'add --force COLUMN (2 columns may be it: 3 "Load 1kN", 4 "Load 10N"; give the name or the number of one)',
+    ),
+    "specimens beside each other": (
+        beside(*["Extension (mm)", "Load (N)"] * 2),
+        GEL,
+        '--force COLUMN (2 columns may be it: 3 "L',
+    ),
+    "named specimens beside each other": (
+        beside("x 1 (mm)", "Load 1 (N)", "x 2 (mm)", "Load 2 (N)"),
+        GEL,
+        '3 "Load 1", 5 "Load 2"',
+    ),
+    "a displacement and a corrected one": (
+        table(
+            ("Time (s)", "u (mm)", "Position (mm)", "Load (N)"), (TIME, 1.1 * DISPLACEMENT, DISPLACEMENT, FORCE), decimals=[4] * 4
+        ),
+        GEL,
+        '--displacement COLUMN (2 columns may be it: 2 "u", 3 "Position"',
+    ),
+    "specimens below each other, no time": (
+        "\n".join(["Specimen,Disp (mm),Force (N)", *BELOW]),
+        [*GEL, "--rate", "0.25"],
+        'the rows belong to 2 different values of the column "Specimen" (A, B)',
+    ),
+    "a workbook": ("PK\x03\x04 [Content_Types].xml", GEL, "this is a workbook, as of Excel: save its sheet as CSV"),
+    "a page": ("<html><table><tr><td>1.0</td></tr></table></html>", GEL, "this is a page of HTML or XML"),
+    "UTF-16 without a mark": (table(separator="\t").encode("utf-16-le").decode("latin-1"), GEL, "this is UTF-16 without"),
+    "units in all cells": ("t,u\n" + "0.25 s,0.5 mm\n" * ROWS, GEL, "units stand behind the numbers"),
+    "rows for columns": (
+        "\n".join(f"{name},{','.join(map(str, v))}" for name, v in (("Time (s)", TIME), ("Disp (mm)", TIME), ("Load (N)", TIME))),
+        GEL,
+        "each quantity stands in a row; transpose the table",
+    ),
     "true shear": (
         table(("Time (s)", "True shear strain (-)", "Shear stress (kPa)"), (TIME, 0.01 * DISPLACEMENT, FORCE)),
         ["--test", "shear"],
@@ -444,3 +523,26 @@ def test_a_table_that_cannot_be_read_is_refused_with_the_cause(
     error = capsys.readouterr().err
     assert sentence in error and "Traceback" not in error
     assert not (tmp_path / "b").exists()
+
+
+@pytest.mark.parametrize(
+    ("unit", "mm_per_unit", "sentence"), [("nm", 1e-6, ""), ("mm", 1.0, "a.csv, converted to a.csv (not written), line")]
+)
+def test_a_small_dent_of_a_sphere_is_read_unless_it_is_in_metres(
+    unit: str,
+    mm_per_unit: float,
+    sentence: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """2 micrometres by Hertz with a stiffness of 10 kPa; and 2 mm of the same, given as 0.002."""
+    monkeypatch.chdir(tmp_path)
+    depth_m = np.linspace(0.0, 2e-3 if sentence else 2e-6, ROWS)
+    force = 4.0 / 3.0 * 1e4 / 0.75 * np.sqrt(5e-4) * depth_m**1.5
+    shown = depth_m if sentence else 1e3 * depth_m / mm_per_unit
+    names = ("Time (s)", f"Depth ({unit})", "Load (N)")
+    (tmp_path / "a.csv").write_text(table(names, (TIME, shown, force), decimals=(2, 7, 12)), encoding="utf-8")
+    sphere = ["--test", "indentation", "--tool", "sphere", "--tool-diameter-mm", "1", "--size-mm", "10,10,5"]
+    assert command(["new", "dataset", "a.csv", *sphere, "--out", "b"]) == (2 if sentence else 0)
+    assert sentence in capsys.readouterr().err

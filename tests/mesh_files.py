@@ -6,6 +6,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+import pyvista
+import vtk
 
 from explicitfe.fem.mesh.box import box
 
@@ -142,3 +144,49 @@ def round_body(path: Path, kind: str, order: int, *, incomplete: bool = False) -
     finally:
         gmsh.finalize()
     return path
+
+
+def grid(hexes: np.ndarray = HEXES, **cell_data: np.ndarray) -> pyvista.UnstructuredGrid:
+    """The block for VTK, with the flags "foot" of nodes and "low" of elements in small integers."""
+    made = pyvista.UnstructuredGrid({pyvista.CellType.HEXAHEDRON: hexes}, POINTS)
+    made.point_data["foot"] = (POINTS[:, 2] == 0.0).astype(np.uint8)
+    made.cell_data["low"] = (np.arange(len(hexes)) < 4).astype(np.int64)
+    made.cell_data.update(cell_data)
+    return made
+
+
+def by_vtk(path: Path, writer: str, of: pyvista.DataSet | None = None, **settings: Sequence) -> Path:
+    """A file of VTK's own writer, such as XMLUnstructuredGrid; settings are its methods with their arguments."""
+    writes = getattr(vtk, f"vtk{writer}Writer")()
+    writes.SetFileName(str(path))
+    writes.SetInputData(grid() if of is None else of)
+    for name, arguments in settings.items():
+        getattr(writes, name)(*arguments)
+    writes.Write()
+    return path
+
+
+def two_pieces(path: Path) -> Path:
+    """A VTU of two pieces, each with its own nodes at the face between them."""
+    half, other = (
+        by_vtk(path, "XMLUnstructuredGrid", grid(of, low=np.full(4, low)).clean(), SetDataModeToAscii=()).read_text()
+        for of, low in ((HEXES[:4], 1), (HEXES[4:], 0))
+    )
+    begin, end = other.index("<Piece"), other.index("</UnstructuredGrid>")
+    path.write_text(half.replace("</UnstructuredGrid>", other[begin:end] + "</UnstructuredGrid>"))
+    return path
+
+
+def nastran(form: str = "{:8}", system: str = "", points: np.ndarray = POINTS) -> str:
+    """Bulk data in small fields, in free ones ("{},") or in large ones ("{:16}"), as Gmsh writes it: without its begin."""
+    wide = form == "{:16}"
+    most = 4 if wide else 8
+    lines = []
+    cards = [("GRID", label, system, *map(float, xyz)) for label, xyz in enumerate(points, 1)]
+    cards += [("CHEXA", label, 1 + (label > 4), *(node + 1 for node in cell)) for label, cell in enumerate(HEXES, 1)]
+    for name, *fields in cards:
+        for first in range(0, len(fields), most):
+            head = f"{name if first == 0 else '' if form == '{:8}' else '+'}{'*' * wide}"
+            words = "".join(form.format(str(field)) for field in fields[first : first + most])
+            lines.append(("{}," if form == "{}," else "{:8}").format(head) + words.rstrip(","))
+    return "$ made by a test\n" + "\n".join(lines) + "\nENDDATA\n"

@@ -12,6 +12,7 @@ import meshio
 import numpy as np
 import pytest
 import pyvista
+from command import command
 
 from explicitfe.app.tools.mesh_contents import mesh_contents
 from explicitfe.app.tools.new_model import write_new_model
@@ -35,6 +36,8 @@ from explicitfe.simulate.scenario.transient import TransientScenario
 BLOCK = {"nodes": 27, "hexahedra": 8, "volume": 1000.0, "lowest": [0, 0, 0], "highest": [10, 10, 10]}
 TWICE = BLOCK | {"nodes": 54, "hexahedra": 16, "volume": 2000.0}
 FOOT, LOW = {"FOOT": 9}, {"LOW": 4}
+FLAGGED = (BLOCK, {"foot": 9, "low": 18}, {"low": 4})
+IMAGE = pyvista.ImageData(dimensions=(3, 3, 3), spacing=(5, 5, 5))
 LABELS = [101 + 7 * k for k in range(27)]
 SPLIT = "*Node\n{}*Node, nset=TOP\n{}"
 FLAT = f"*Node\n{files.nodes()}*Element, type=C3D8, elset=ALL\n{files.elements()}"
@@ -61,6 +64,20 @@ def written(ending: str, cells: list, points: np.ndarray = files.POINTS, **optio
         return folder / f"block.{ending}"
 
     return write
+
+
+def by_vtk(name: str, writer: str, of: Any = None, **settings: Any) -> Callable[[Path], Path]:
+    """A writer by VTK."""
+    return lambda folder: files.by_vtk(folder / name, writer, of, **settings)
+
+
+def med(folder: Path) -> Path:
+    """A MED file with groups of nodes and of elements."""
+    mesh = meshio.Mesh(files.POINTS, HEX, point_data={"point_tags": (files.POINTS[:, 2] == 0).astype(int)})
+    mesh.cell_data = {"cell_tags": [np.where(np.arange(8) < 4, -1, -2)]}
+    mesh.point_tags, mesh.cell_tags = {1: ["foot"]}, {-1: ["low", "tissue"], -2: ["tissue"]}
+    meshio.write(folder / "a.med", mesh)
+    return folder / "a.med"
 
 
 def generated(**options: Any) -> Callable[[Path], Path]:
@@ -202,6 +219,44 @@ READ: dict[str, tuple[Callable[[Path], Path], Mapping[str, Any], Mapping[str, in
     "VTU with arrays of 0 and 1": (
         written("vtu", HEX, point_data=FLAGS, cell_data=REGION), BLOCK, {"foot": 9, "low": 18}, {"low": 4}),
     "VTK as text": (written("vtk", HEX, point_data=FLAGS, cell_data=REGION, binary=False), BLOCK, {"foot": 9}, {"low": 4}),
+    **{
+        f"VTK {version / 10}, {kind}": (
+            by_vtk("a.vtk", "UnstructuredGrid", SetFileVersion=(version,), **{f"SetFileTypeTo{kind}": ()}), *FLAGGED)
+        for version in (42, 51) for kind in ("ASCII", "Binary")
+    },
+    **{
+        f"VTU, {compressor}": (
+            by_vtk("a.vtu", "XMLUnstructuredGrid", SetDataModeToAppended=(), **{f"SetCompressorTypeTo{compressor}": ()}),
+            *FLAGGED,
+        )
+        for compressor in ("None", "LZ4", "LZMA")
+    },
+    "VTU of two pieces": (lambda folder: files.two_pieces(folder / "a.vtu"), *FLAGGED),
+    "VTU with a ghost cell": (
+        by_vtk("a.vtu", "XMLUnstructuredGrid", files.grid(files.HEXES[[*range(8), 0]], vtkGhostType=np.uint8([0] * 8 + [1]))),
+        *FLAGGED,
+    ),
+    "PVTU": (by_vtk("a.pvtu", "XMLPUnstructuredGrid"), *FLAGGED),
+    "VTU of voxels": (by_vtk("a.vtu", "XMLUnstructuredGrid", IMAGE.cast_to_unstructured_grid()), BLOCK, {}, {}),
+    "an image": (by_vtk("a.vti", "XMLImageData", IMAGE), BLOCK, {}, {}),
+    "a structured grid": (by_vtk("a.vtk", "StructuredGrid", IMAGE.cast_to_structured_grid()), BLOCK, {}, {}),
+    "groups of MED": (med, BLOCK, {"foot": 9, "low": 18, "tissue": 27}, {"low": 4, "tissue": 8}),
+    **{f"Nastran {form}": (text("a.bdf", files.nastran(form)), BLOCK, {}, {}) for form in ("{:8}", "{:16}", "{},")},
+    "Nastran in small letters and numbers without E": (
+        text("a.bdf", "SOL 101\nBEGIN BULK\n" + files.nastran(points=0.1 * files.POINTS).lower().replace("0.5", "5.-1")
+             .replace("1.0", "1.+0")),
+        BLOCK | {"volume": 1.0, "highest": [1, 1, 1]}, {}, {},
+    ),
+    "a node of no element": (text("a.inp", FLAT.replace("*Node", "*Node\n500, 900., 0., 0.", 1)), BLOCK, {}, {}),
+    "an element that is inside out": (
+        text("a.inp", f"*Node\n{files.nodes()}*Element, type=C3D8\n"
+             + files.elements([np.roll(files.HEXES[0], 4), *files.HEXES[1:]])),
+        {"hexahedra": 8, "fault": "element 0 is inverted"}, {}, {},
+    ),
+    "a wedge as a hexahedron": (
+        text("a.inp", f"*Node\n{files.nodes(files.CUBE)}*Element, type=C3D8\n1, 1, 2, 3, 3, 5, 6, 7, 7\n"),
+        {"hexahedra": 1, "fault": "element 0 has node 2 at corners 2 and 3"}, {}, {},
+    ),
     "VTU of tetrahedra and hexahedra that do not touch": (
         written("vtu", [*HEX, ("tetra", np.array(files.FIVE) + 27)], points=np.concatenate([files.POINTS, files.CUBE + 30.0])),
         {"nodes": 35, "volume": 2000.0, "cells": {"hexahedra": 8, "tetrahedra": 5}, "hexahedra": 8 * 8 + 20}, {}, {},
@@ -240,6 +295,8 @@ def test_a_right_file_is_read_whole(
     for key, value in found.items():
         if key in ("nodes", "hexahedra", "cells"):
             assert contents[key] == value, key
+        elif key == "fault":
+            assert value in contents["fault"]
         else:
             np.testing.assert_allclose(contents[key], value, rtol=1e-9, atol=1e-9, err_msg=key)
     for kind, sizes in (("node_sets", node_sets), ("element_sets", element_sets)):
@@ -300,6 +357,26 @@ REFUSED = {
     "a FEBio element of seven nodes": (text("a.feb", files.feb("4.0").replace(",14,5<", ",14<", 1)), "hex8 has 7 nodes"),
     "FEBio that is cut": (text("a.feb", files.feb("4.0")[:500]), "no whole XML"),
     "FEBio's elements of another order": (text("a.feb", files.feb("3.0").replace("hex8", "hex20")), "hex20 has 8 nodes"),
+    "Nastran with a coordinate system": (
+        text("a.bdf", files.nastran(system="5")), "line 2, GRID: the nodes are in the coordinate system 5"),
+    "Nastran with a default system": (
+        text("a.bdf", "GRDSET,,5\n" + files.nastran("{},")), "line 1, GRDSET: the nodes are in the coordinate system 5"),
+    "Nastran in two files": (text("a.bdf", "INCLUDE 'b.bdf'\n" + files.nastran()), "line 1, INCLUDE: this card is not supported"),
+    "Nastran with an unknown solid": (text("a.bdf", files.nastran().replace("CHEXA", "CHEX8")), "CHEX8: this card is not"),
+    "a Nastran element of seven nodes": (
+        text("a.bdf", files.nastran("{},").replace("+,27,18", "+,27")), "too few numbers"),
+    "LS-DYNA": (
+        text("a.k", "*KEYWORD\n"), 'the suffix ".k" is of no mesh format that is read; save the mesh in one that is: .inp'),
+    "a surface as VTK": (
+        by_vtk("a.vtk", "PolyData", pyvista.Sphere()), "closed surface, saved as STL, OBJ, PLY or VTP"),
+    "a surface of VTK": (text("a.vtp", "<VTKFile/>"), "a VTP file holds a surface"),
+    "cells of Lagrange": (
+        by_vtk("a.vtu", "XMLUnstructuredGrid",
+               pyvista.UnstructuredGrid(np.insert(files.HEXES, 0, 8, axis=1).ravel(), [72, *[12] * 7], files.POINTS)),
+        "1 solid lagrange_hexahedron cells"),
+    "a missing piece": (
+        lambda folder: [files.by_vtk(folder / "a.pvtu", "XMLPUnstructuredGrid"), (folder / "a_0.vtu").unlink()][0],
+        "File for piece 0 cannot be read"),
     "a surface of a face that is none": (text("a.inp", FLAT + "*Surface, name=A\n1, S7\n"), '"S7" is no face of element 1'),
 }  # fmt: skip
 
@@ -311,6 +388,25 @@ def test_what_is_not_read_is_refused_with_its_cause(
     with pytest.raises(InputError) as refusal:
         mesh_contents(write(tmp_path))
     assert words in str(refusal.value) and str(refusal.value).endswith((".", "?")), refusal.value
+
+
+def test_vtu_without_pyvista(tmp_path: Path, in_this_process: None, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Meshio reads it, and what meshio would read in part is refused."""
+    for module in ("simulate.meshes.mesh_file", "platform.host.extras"):
+        monkeypatch.setattr(f"explicitfe.{module}.has_extra", lambda extra: False)
+    assert mesh_contents(READ["VTU with arrays of 0 and 1"][0](tmp_path))["hexahedra"] == 8
+    mixed = files.grid().merge(IMAGE.translate((20, 0, 0)).cast_to_unstructured_grid())
+    for path, words in (
+        (files.by_vtk(tmp_path / "a.vtu", "XMLUnstructuredGrid", mixed), "reads this mesh in part only"),
+        (files.two_pieces(tmp_path / "b.vtu"), "needs pyvista"),
+    ):
+        with pytest.raises(InputError, match=words):
+            mesh_contents(path)
+
+
+def test_inspect_names_what_no_file_of_a_result_is(tmp_path: Path, capfd: pytest.CaptureFixture) -> None:
+    assert command(["inspect", str(text("a.unv", "    -1\n")(tmp_path))]) == 2
+    assert 'the suffix ".unv" is of no mesh format' in " ".join(capfd.readouterr().err.split())
 
 
 # ---- sets by name in model files and scenarios ----
@@ -496,6 +592,13 @@ def _bracket() -> Any:
     return walls.compute_normals(auto_orient_normals=True, consistent_normals=True, split_vertices=False)
 
 
+def _unmerged(ball: Any) -> Any:
+    """Triangles of their own corners, which differ by about 1e-5 mm."""
+    corners = ball.points[ball.regular_faces].reshape(-1, 3)
+    away = 1e-5 * np.random.default_rng(0).standard_normal(corners.shape)
+    return pyvista.PolyData.from_regular_faces(corners + away, np.arange(len(corners)).reshape(-1, 3))
+
+
 SURFACES = {
     "ball.stl": (lambda: pyvista.Sphere(radius=20), 4.0, 0.03, 0.5),
     "egg.ply": (lambda: pyvista.ParametricEllipsoid(30, 18, 14), 4.0, 0.04, 0.5),
@@ -506,6 +609,7 @@ SURFACES = {
     "turned.stl": (lambda: pyvista.Box((0, 30, 0, 20, 0, 20)).rotate_vector((1, 2, 3), 35), 3.0, 1e-6, 0.3),
     "bracket.stl": (_bracket, 4.0, 1e-6, 0.45),
     "can.stl": (lambda: pyvista.Cylinder(radius=12, height=25, direction=(0, 0, 1), resolution=64), 4.0, 0.03, 0.6),
+    "unmerged.stl": (lambda: _unmerged(pyvista.Sphere(radius=20)), 4.0, 0.03, 0.5),
     "octahedron.stl": (
         lambda: pyvista.Octahedron(radius=20).rotate_vector((1, -1, 0), 54.7356),
         2.5,
@@ -549,7 +653,13 @@ def test_surfaces_that_cannot_be_filled(tmp_path: Path, in_this_process: None) -
         (thin, 4.0, "would be missing; decrease --size"),
         (ball, 50.0, "no cube of 50 mm"),
         (ball, None, "--size is missing"),
-        (two, 4.0, "would be missing"),
+        (two, 4.0, "2 separate bodies"),
+        (
+            _surface(tmp_path, "metres.stl", pyvista.Sphere(radius=0.02)),
+            4.0,
+            " x 0.04 mm large; decrease --size, or give the unit",
+        ),
+        (_surface(tmp_path, "ball.vtk", pyvista.Sphere(radius=20)), 4.0, "saved as STL, OBJ, PLY or VTP"),
         (open_, 4.0, "is not closed"),
         (ball, 0.01, "increase --size"),
     ):

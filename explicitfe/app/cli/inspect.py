@@ -9,11 +9,6 @@ from explicitfe.app.cli.command import command
 from explicitfe.app.cli.completion import complete_result
 from explicitfe.app.view.progress import following
 
-MESH_SUFFIXES = (
-    ".inp", ".feb", ".msh", ".vtu", ".vtk", ".vtp", ".mesh", ".bdf", ".nas", ".fem", ".e", ".ex2", ".exo", ".med", ".xdmf",
-    ".xmf", ".cgns", ".mdpa", ".tec", ".ugrid", ".su2", ".stl", ".obj", ".ply",
-)  # fmt: skip
-
 
 @command(completions={"file": complete_result})
 def inspect(file: Path, *, as_json: bool = False) -> None:
@@ -27,7 +22,7 @@ def inspect(file: Path, *, as_json: bool = False) -> None:
     ----------
     file : result file (.vtkhdf) or its name in outputs/, or a mesh file (.msh, .inp, .feb, .vtu, ...).
     """
-    if file.suffix.lower() in MESH_SUFFIXES and file.is_file():
+    if _is_mesh(file):
         with following(console, f"reading {file}"):
             from explicitfe.app.tools.mesh_contents import mesh_contents
             from explicitfe.app.view.terminal.program import mesh_table
@@ -44,3 +39,14 @@ def inspect(file: Path, *, as_json: bool = False) -> None:
             held, measures = opened.contents(), measures_if_any(opened)
     document = {**held, "measures": measures and measures.document}
     print_answer(document, as_json, lambda: result_table(held, measures), held["summary"].get("warnings", []))
+
+
+def _is_mesh(file: Path) -> bool:
+    """Whether a file is taken for a mesh: by its suffix, or because it cannot be a result."""
+    if not file.is_file() or file.suffix.lower() == ".vtkhdf":
+        return False
+    import h5py
+
+    from explicitfe.simulate.meshes.mesh_file import MESH_SUFFIXES
+
+    return str(file).lower().endswith(MESH_SUFFIXES) or not h5py.is_hdf5(file)

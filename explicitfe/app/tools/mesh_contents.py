@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from explicitfe.fem.mesh.quality import scaled_jacobians, volumes
+from explicitfe.fem.mesh.quality import check, scaled_jacobians, volumes
 from explicitfe.platform.errors import InputError
 from explicitfe.results.documents.mesh_contents import MeshArray, MeshContents
+from explicitfe.simulate.meshes.content import nodes_of_cells
 from explicitfe.simulate.meshes.mesh_file import read_mesh
-from explicitfe.simulate.meshes.midpoints import hexahedra
+from explicitfe.simulate.meshes.midpoints import hexahedra, without_loose_nodes
 
 MOST_VALUES = 20  # of an array that are listed one by one
 
@@ -27,17 +29,26 @@ def mesh_contents(path: Path) -> MeshContents:
         body = hexahedra(content.points, content.cells, content.middles)
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
+    points = content.points[np.unique([*nodes_of_cells(content.cells), *content.middles[:, 2]]).astype(np.int64)]
+    fault = ""
+    try:  # in a unit of length in which the mesh is not too large
+        check(without_loose_nodes(replace(body, points=body.points / max(1.0, np.abs(points).max())))[1], "the mesh")
+    except InputError as error:
+        fault = str(error).removeprefix("HexMesh: ")
+        if not np.isfinite(points).all():
+            raise InputError(f"{path}: {fault}") from None
     size = (content.cells >= 0).sum(axis=1)
     names = {8: "hexahedra", 6: "wedges", 4: "tetrahedra"}
     return MeshContents(
         mesh=str(path),
-        nodes=len(content.points),
+        nodes=len(points),
         cells={name: int((size == count).sum()) for count, name in names.items() if (size == count).any()},
         hexahedra=len(body.hexes),
-        lowest=content.points.min(axis=0).tolist(),
-        highest=content.points.max(axis=0).tolist(),
+        lowest=points.min(axis=0).tolist(),
+        highest=points.max(axis=0).tolist(),
         volume=float(volumes(body.points, body.hexes).sum()),
         smallest_scaled_jacobian=float(scaled_jacobians(body.points, body.hexes).min()),
+        fault=fault,
         node_sets={name: len(nodes) for name, nodes in content.node_sets.items()},
         element_sets={name: len(cells) for name, cells in content.element_sets.items()},
         arrays=[

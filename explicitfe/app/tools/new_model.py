@@ -76,7 +76,7 @@ def write_new_model(mesh_path: Path, out: Path, *, size_mm: float | None = None,
     is_surface = mesh_path.suffix.lower() in SURFACE_SUFFIXES
     if is_surface and not (size_mm is not None and 0.0 < size_mm < np.inf):
         raise InputError("--size is missing: the edge of the elements in mm, such as --size 4.")
-    if not is_surface and size_mm is not None:
+    if not is_surface and size_mm is not None and mesh_contents(mesh_path):
         raise InputError(f"{mesh_path}: --size is for a surface ({', '.join(SURFACE_SUFFIXES)}); this mesh has elements already.")
     model, scenario, meshed = (out / f"{mesh_path.stem}{ending}" for ending in (".toml", "-run.toml", ".vtu"))
     for path in (model, scenario, *([meshed] if is_surface else [])):

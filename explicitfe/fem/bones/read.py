@@ -14,8 +14,8 @@ from explicitfe.platform.host.regular import size_of
 
 _METRES_PER_UNIT = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
 _FORMATS = (".stl", ".obj", ".ply", ".vtp")
-# Corners nearer to each other than this share of the surface are one point: STL gives every triangle its own.
-_SAME_CORNER_SHARE = 1e-7
+# Corners nearer to each other than this share of the surface are one point: STL gives every triangle its own, often rounded.
+_SAME_CORNER_SHARE = 1e-5
 LARGEST_SURFACE_FILE_BYTES = 2**30  # ten million triangles
 
 
@@ -55,7 +55,7 @@ def surface_arrays(path: str) -> dict[str, np.ndarray]:
     try:
         mesh = pyvista.read(path)
         mesh = mesh.extract_surface() if not isinstance(mesh, pyvista.PolyData) else mesh
-        mesh = mesh.triangulate().clean(tolerance=_SAME_CORNER_SHARE)
+        mesh = mesh.triangulate().clean(tolerance=_SAME_CORNER_SHARE, absolute=False)
     except Exception as error:  # pyvista raises many kinds for a file that is not what its name says
         words = shortened(" ".join(str(error).split()).rstrip("."))
         raise InputError(f"cannot be read as {Path(path).suffix[1:].upper()}: {words}.") from error

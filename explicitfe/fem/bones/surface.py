@@ -148,7 +148,7 @@ def _check_edges(surface: TriangleSurface, what: str) -> None:
         place = surface.points[edges[open_edges[0]]].mean(axis=0)
         raise InputError(
             f"{what}: is not closed: {len(open_edges)} edges do not belong to exactly two triangles, one at {in_mm(place)}; "
-            "fill the hole, or thicken the sheet to a closed surface."
+            "fill the hole, merge the corners of neighbouring triangles, or thicken the sheet to a closed surface."
         )
     turn = np.bincount(number.ravel(), weights=np.where(directed[:, 0] < directed[:, 1], 1.0, -1.0))
     twisted = np.flatnonzero(turn != 0.0)

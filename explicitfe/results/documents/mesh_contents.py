@@ -16,7 +16,10 @@ class MeshArray(TypedDict):
 
 
 class MeshContents(TypedDict):
-    """A mesh file. Lengths and volumes are in its unit; hexahedra are those made of its elements."""
+    """A mesh file, without nodes of no element. Lengths and volumes are in its unit; hexahedra are those made of its elements.
+
+    ``fault`` is the sentence with which ``check`` and ``run`` refuse it; empty where they do not.
+    """
 
     mesh: str
     nodes: int
@@ -26,6 +29,7 @@ class MeshContents(TypedDict):
     highest: list[float]
     volume: float
     smallest_scaled_jacobian: float
+    fault: str
     node_sets: dict[str, int]
     element_sets: dict[str, int]
     arrays: list[MeshArray]

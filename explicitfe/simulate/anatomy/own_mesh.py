@@ -34,7 +34,7 @@ from explicitfe.results.measure.sections import middle
 from explicitfe.simulate.anatomy.anatomy import Anatomy
 from explicitfe.simulate.meshes.content import FileMesh, nodes_of_cells
 from explicitfe.simulate.meshes.mesh_file import read_mesh
-from explicitfe.simulate.meshes.midpoints import Hexahedra, hexahedra
+from explicitfe.simulate.meshes.midpoints import Hexahedra, hexahedra, without_loose_nodes
 
 _METRES_PER_UNIT = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
 # Lists of the nodes of a fine mesh are long.
@@ -173,7 +173,7 @@ def read_model_file(path: Path) -> Anatomy:
     try:
         body = hexahedra(content.points * unit, content.cells, content.middles)
         check_size(len(body.hexes), f"{mesh_path}: the mesh", "mesh it coarser")
-        number, bare = _without_loose_nodes(body)
+        number, bare = without_loose_nodes(body)
     except InputError as error:
         raise InputError(f"{mesh_path}: {str(error).removeprefix('HexMesh: ')}") from None
     check(bare, str(mesh_path))
@@ -257,20 +257,6 @@ def _muscle_of_elements(mesh: HexMesh, muscle: FileMuscle, element_sets: Mapping
         direction = harmonic_direction(mesh, elements, *ends)
     fibres, tissue = trace_fibres(mesh, elements, direction, middle(mesh), muscle.side)
     return replace(Muscle.of(muscle.name, muscle.title, muscle.max_force_N, fibres), elements=elements, tissue=tissue)
-
-
-def _without_loose_nodes(body: Hexahedra) -> tuple[np.ndarray, HexMesh]:
-    """The mesh of the nodes that elements have, and the number (n,) of each node in it; -1: it belongs to no element.
-
-    Generators leave nodes of points, curves and reference points, which have no mass.
-    """
-    used = np.zeros(len(body.points), dtype=bool)
-    inside = (body.hexes >= 0) & (body.hexes < len(used))  # HexMesh refuses others
-    used[body.hexes[inside]] = True
-    number = np.where(used, np.cumsum(used) - 1, -1)
-    if not inside.all() or used.all():
-        return np.arange(len(used)), HexMesh(body.points, body.hexes)
-    return number, HexMesh(body.points[used], number[body.hexes])
 
 
 def _left(number: np.ndarray, nodes: np.ndarray) -> np.ndarray:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -19,7 +20,8 @@ SOLID_EDGES = {
     6: ((0, 1), (1, 2), (2, 0), (3, 4), (4, 5), (5, 3), (0, 3), (1, 4), (2, 5)),
     8: ((0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6), (3, 7)),
 }
-_SOLID_NAMES = ("pyramid", "tetra", "wedge", "hexahedron")  # with more nodes, such as tetra20
+_SOLID_NAMES = ("pyramid", "tetra", "wedge", "hexahedron", "polyhedron", "solid ")  # with more nodes, such as tetra20
+DAMAGED = "it is damaged, or its format does not match its suffix"
 _FARTHEST_MIDDLE_SHARE = 0.5  # of an edge; so far at most is a node in its middle from the straight line
 
 
@@ -110,8 +112,13 @@ def check_kinds(counts: Mapping[str, int]) -> None:
         listed = ", ".join(f"{count} {kind}" for kind, count in counts.items() if count) or "no elements"
         raise InputError(
             f"the mesh contains no hexahedra and no tetrahedra ({listed}); save the elements of its volume too. A closed "
-            "surface is meshed by `explicitfe new model --mesh SURFACE --size MM`."
+            "surface, saved as STL, OBJ, PLY or VTP, is meshed by `explicitfe new model --mesh SURFACE --size MM`."
         )
+
+
+def nodes_each(kind: str) -> int:
+    """How many nodes a solid element of a kind has, such as 10 of tetra10."""
+    return int(re.sub(r"\D", "", kind) or SOLIDS[kind])
 
 
 def corners_and_middles(kind: str, nodes: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

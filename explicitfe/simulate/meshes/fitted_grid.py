@@ -52,7 +52,11 @@ def mesh_surface(surface: TriangleSurface, size_m: float) -> HexMesh:
         core &= deep[i : i + count[0], j : j + count[1], k : k + count[2]]
     core = _without_hinges(core)
     if not core.any():
-        raise InputError(f"no cube of {1e3 * size_m:g} mm lies inside the surface; decrease --size.")
+        extent = " x ".join(f"{1e3 * length:.3g}" for length in high - low)
+        raise InputError(
+            f"no cube of {1e3 * size_m:g} mm lies inside the surface, which is {extent} mm large; decrease --size, or give the "
+            "unit of its lengths with --unit."
+        )
     number = np.arange(len(points)).reshape(grid.shape[:3])
     corners = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1)]
     cells = np.argwhere(core)
@@ -92,9 +96,24 @@ def _check_whole(surface: TriangleSurface, points: np.ndarray, size_m: float) ->
     samples, _ = triangle_samples(surface.corners, 0.5 * size_m, surface.box_m)
     away = scipy.spatial.cKDTree(points.reshape(-1, 3)).query(samples)[0]
     if away.max() > _FARTHEST_NODE_CUBES * size_m:
+        place = in_mm(samples[away.argmax()])
+        n = len(surface.points)
+        first, others = surface.triangles[:, :1], surface.triangles[:, 1:]
+        pairs = np.broadcast_to(first, others.shape).ravel(), others.ravel()
+        _, piece = scipy.sparse.csgraph.connected_components(
+            scipy.sparse.coo_array((np.ones(len(pairs[0])), pairs), shape=(n, n))
+        )
+        a, b, c = np.moveaxis(surface.corners, 1, 0)
+        inside = np.bincount(piece[first[:, 0]], weights=np.einsum("ij,ij->i", a, np.cross(b, c)))
+        bodies = np.count_nonzero(inside > 0.0)  # a cavity has a negative volume
+        if bodies > 1:
+            raise InputError(
+                f"the surface consists of {bodies} separate bodies, one around {place}, and only one is meshed; save each into a "
+                "file of its own, or unite them where they overlap."
+            )
         raise InputError(
-            f"a part of the surface around {in_mm(samples[away.argmax()])} is thinner than three elements of {1e3 * size_m:g} mm "
-            "or lies apart, and would be missing; decrease --size."
+            f"a part of the surface around {place} is thinner than three elements of {1e3 * size_m:g} mm and would be missing; "
+            "decrease --size."
         )
 
 

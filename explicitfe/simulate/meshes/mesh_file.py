@@ -1,4 +1,4 @@
-"""Reading of mesh files: Abaqus, FEBio and Gmsh by readers of this package, all other formats by meshio."""
+"""Reading of mesh files: Abaqus, FEBio and Gmsh by readers of this package, VTK's by VTK, all other formats by meshio."""
 
 from __future__ import annotations
 
@@ -12,20 +12,29 @@ from typing import IO, Any
 
 import numpy as np
 
-from explicitfe.platform.errors import InputError, nearest, shortened
+from explicitfe.platform.errors import InputError, shortened
 from explicitfe.platform.host.child import read_in_child
+from explicitfe.platform.host.extras import has_extra
 from explicitfe.platform.host.regular import size_of
 from explicitfe.simulate.meshes.abaqus import read_abaqus
-from explicitfe.simulate.meshes.content import SOLIDS, FileMesh, check_kinds, corners_and_middles, set_name
+from explicitfe.simulate.meshes.content import DAMAGED, SOLIDS, FileMesh, check_kinds, corners_and_middles, nodes_each, set_name
 from explicitfe.simulate.meshes.febio import read_febio
 from explicitfe.simulate.meshes.gmsh import is_gmsh, read_gmsh
+from explicitfe.simulate.meshes.nastran import read_nastran
+from explicitfe.simulate.meshes.vtk import VTK_SUFFIXES, read_vtk
 
 LARGEST_MESH_FILE_BYTES = 4 * 2**30  # ten million elements as text
 # A reader that asks so often for more where nothing follows would ask for ever.
 MOST_READS_AT_THE_END = 1000
 _READERS: dict[str, Callable[[str], FileMesh]] = {".inp": read_abaqus, ".feb": read_febio}
-_SURFACES = (".stl", ".obj")
-_DAMAGED = "it is damaged, or its format does not match its suffix"
+_READERS |= dict.fromkeys((".bdf", ".nas", ".fem"), read_nastran) | dict.fromkeys(VTK_SUFFIXES, read_vtk)
+_SURFACES = (".stl", ".obj", ".ply", ".vtp")
+_BY_MESHIO = (
+    ".avs", ".cgns", ".dat", ".dato", ".e", ".ele", ".ex2", ".exo", ".f3grid", ".h5m", ".hmf", ".mdpa", ".med",
+    ".mesh", ".meshb", ".node", ".post", ".su2", ".tec", ".ugrid", ".vol", ".dato.gz", ".post.gz", ".vol.gz", ".xdmf",
+    ".xmf", ".xml",
+)  # fmt: skip
+MESH_SUFFIXES = (*_READERS, ".msh", *_BY_MESHIO)
 
 
 def read_mesh(path: Path) -> FileMesh:
@@ -38,7 +47,7 @@ def read_mesh(path: Path) -> FileMesh:
     InputError : no such file, another kind of file, a damaged one, or no solid elements.
     """
     size_of(path, "give a mesh file", largest_bytes=LARGEST_MESH_FILE_BYTES)
-    return FileMesh.of_arrays(read_in_child(mesh_arrays, path, f"this mesh cannot be read: {_DAMAGED}."))
+    return FileMesh.of_arrays(read_in_child(mesh_arrays, path, f"this mesh cannot be read: {DAMAGED}."))
 
 
 # ---- in a process of its own: some readers of the forty formats never end ----
@@ -90,10 +99,21 @@ def mesh_arrays(path: str) -> dict[str, np.ndarray]:
             f"a {suffix[1:].upper()} file holds a surface without a volume; mesh it by "
             f"`explicitfe new model --mesh {Path(path).name} --size MM`."
         )
+    if not path.lower().endswith(MESH_SUFFIXES):
+        what = (
+            f'the suffix "{shortened(suffix)}" is of no mesh format that is read'
+            if suffix
+            else "its name has no suffix of a mesh format"
+        )
+        raise InputError(f"{what}; save the mesh in one that is: {', '.join(MESH_SUFFIXES)}.")
     read = read_gmsh if suffix == ".msh" and is_gmsh(path) else _READERS.get(suffix, _read_by_meshio)
+    if suffix == ".vtu" and not has_extra("view") and Path(path).read_bytes().count(b"<Piece") == 1:
+        read = _read_by_meshio
     mesh = read(path)
     if not len(mesh.points):
         raise InputError("the mesh has no points.")
+    if mesh.cells.max() >= len(mesh.points):
+        raise InputError(f"an element names node {mesh.cells.max()}, and the file has {len(mesh.points)} nodes: {DAMAGED}.")
     mesh.add_flags()
     return mesh.arrays()
 
@@ -102,22 +122,22 @@ def _read_by_meshio(path: str) -> FileMesh:
     import meshio  # slow to import, and only needed for a mesh of one's own
 
     builtins.open = _open_with_an_end  # type: ignore[assignment]
-
-    endings = meshio.extension_to_filetypes
-    if not any(path.lower().endswith(ending) for ending in endings):
-        ending = Path(path).suffix
-        hint = nearest(ending, endings) if ending else "rename it with the suffix of its format, such as .vtu or .msh."
-        raise InputError(f'meshio cannot read this mesh: it supports no format "{shortened(ending)}"; {hint}')
     printed = io.StringIO()
     try:
-        with contextlib.redirect_stdout(printed), contextlib.redirect_stderr(io.StringIO()):
+        with contextlib.redirect_stdout(printed), contextlib.redirect_stderr(printed):
             mesh = meshio.read(path)
     except MemoryError:
-        raise InputError(f"meshio cannot read this mesh: it requested more memory than such a file needs; {_DAMAGED}.") from None
+        raise InputError(f"meshio cannot read this mesh: it requested more memory than such a file needs; {DAMAGED}.") from None
+    except ImportError as error:
+        raise InputError(f"meshio cannot read this mesh without {error.name}; install it, or convert the mesh to .vtu.") from None
     except (Exception, SystemExit) as error:  # meshio raises what its formats raise, and where none of several fits it prints
         words = " ".join((printed.getvalue() if isinstance(error, SystemExit) else str(error)).split()).rstrip(".")
         words = f" ({shortened(words)})" if " " in words else ""  # a single word is a key of its own
-        raise InputError(f"meshio cannot read this mesh{words}: {_DAMAGED}.") from None
+        raise InputError(f"meshio cannot read this mesh{words}: {DAMAGED}.") from None
+    if re.search("skipping|cannot handle|could not", printed.getvalue(), re.IGNORECASE):
+        words = shortened(" ".join(printed.getvalue().split()).rstrip("."))
+        raise InputError(f"meshio reads this mesh in part only ({words}); save it in another format, such as .vtu.")
+    _name_families(mesh)
     points = _points_of(mesh.points)
     check_kinds(_counts(mesh.cells))
     solid = [block.type in SOLIDS and len(block.data) > 0 for block in mesh.cells]
@@ -131,6 +151,17 @@ def _read_by_meshio(path: str) -> FileMesh:
             content.cell_data[name] = np.concatenate(flat)
     _name_sets(content, mesh, solid)
     return content
+
+
+def _name_families(mesh: Any) -> None:
+    """Make sets of the groups of a MED file, which meshio keeps as names by the tags of nodes and cells."""
+    for tags, data, sets in (("point_tags", mesh.point_data, mesh.point_sets), ("cell_tags", mesh.cell_data, mesh.cell_sets)):
+        families = getattr(mesh, tags, {})
+        for name in dict.fromkeys(name for names in families.values() for name in names if tags in data):
+            chosen = [tag for tag, names in families.items() if name in names]
+            blocks = data[tags] if tags == "cell_tags" else [data[tags]]
+            members = [np.flatnonzero(np.isin(block, chosen)) for block in blocks]
+            sets[name] = members if tags == "cell_tags" else members[0]
 
 
 def _name_sets(content: FileMesh, mesh: Any, solid: list[bool]) -> None:
@@ -159,7 +190,7 @@ def _counts(blocks: Any) -> dict[str, int]:
 def _nodes_of(block: Any, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Corners (k, 8) of solid cells, and the nodes between them."""
     nodes = _numbers(block.data)
-    count = int(re.sub(r"\D", "", block.type) or SOLIDS[block.type])
+    count = nodes_each(block.type)
     if nodes is None or nodes.ndim != 2 or nodes.shape[1] != count or nodes.dtype.kind not in "iu":
         raise InputError(f"the mesh contains {block.type} cells without {count} nodes each; export the file again.")
     return corners_and_middles(block.type, nodes.astype(np.int64), points)

@@ -12,6 +12,7 @@ from itertools import combinations
 
 import numpy as np
 
+from explicitfe.fem.mesh.hexmesh import HexMesh
 from explicitfe.platform.errors import InputError
 from explicitfe.simulate.meshes.content import SOLID_EDGES
 
@@ -136,6 +137,20 @@ def hexahedra(points: np.ndarray, cells: np.ndarray, middles: np.ndarray) -> Hex
         np.concatenate([points, *places]), np.concatenate(hexes)[order], np.concatenate(of_cell)[order], note,
         parents, [edge_outside, outside, np.zeros(len(cells), dtype=bool)], on_surface[:-1], number,
     )  # fmt: skip
+
+
+def without_loose_nodes(body: Hexahedra) -> tuple[np.ndarray, HexMesh]:
+    """The mesh of the nodes that elements have, and the number (n,) of each node in it; -1: it belongs to no element.
+
+    Generators leave nodes of points, curves and reference points, which have no mass.
+    """
+    used = np.zeros(len(body.points), dtype=bool)
+    inside = (body.hexes >= 0) & (body.hexes < len(used))  # HexMesh refuses others
+    used[body.hexes[inside]] = True
+    number = np.where(used, np.cumsum(used) - 1, -1)
+    if not inside.all() or used.all():
+        return np.arange(len(used)), HexMesh(body.points, body.hexes)
+    return number, HexMesh(body.points[used], number[body.hexes])
 
 
 def _edge_of(edge: np.ndarray, pairs: np.ndarray) -> np.ndarray:

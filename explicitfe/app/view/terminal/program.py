@@ -138,6 +138,8 @@ def mesh_table(contents: MeshContents) -> Table:
     table.add_row("extent", ", ".join(f"{axis} {a:g} to {b:g}" for axis, a, b in zip("xyz", low, high, strict=True)))
     table.add_row("volume", f"{contents['volume']:.6g} (cubed unit of the file)")
     table.add_row("worst element", f"scaled Jacobian {contents['smallest_scaled_jacobian']:.3g}")
+    if contents["fault"]:
+        table.add_row("cannot be computed", escape(contents["fault"]))
     for what, sets in (("node sets", contents["node_sets"]), ("element sets", contents["element_sets"])):
         table.add_row(what, escape("\n".join(f"{name} ({count})" for name, count in sets.items())) or "none")
     for array in contents["arrays"]:

@@ -373,7 +373,7 @@ REFUSED = {
     "cells of Lagrange": (
         by_vtk("a.vtu", "XMLUnstructuredGrid",
                pyvista.UnstructuredGrid(np.insert(files.HEXES, 0, 8, axis=1).ravel(), [72, *[12] * 7], files.POINTS)),
-        "1 solid lagrange_hexahedron cells"),
+        "1 VTK_LAGRANGE_HEXAHEDRON cells"),
     "a missing piece": (
         lambda folder: [files.by_vtk(folder / "a.pvtu", "XMLPUnstructuredGrid"), (folder / "a_0.vtu").unlink()][0],
         "File for piece 0 cannot be read"),
@@ -653,7 +653,7 @@ def test_surfaces_that_cannot_be_filled(tmp_path: Path, in_this_process: None) -
         (thin, 4.0, "would be missing; decrease --size"),
         (ball, 50.0, "no cube of 50 mm"),
         (ball, None, "--size is missing"),
-        (two, 4.0, "2 separate bodies"),
+        (two, 4.0, "one of 2 separate bodies"),
         (
             _surface(tmp_path, "metres.stl", pyvista.Sphere(radius=0.02)),
             4.0,

@@ -43,10 +43,9 @@ def inspect(file: Path, *, as_json: bool = False) -> None:
 
 def _is_mesh(file: Path) -> bool:
     """Whether a file is taken for a mesh: by its suffix, or because it cannot be a result."""
-    if not file.is_file() or file.suffix.lower() == ".vtkhdf":
-        return False
     import h5py
 
     from explicitfe.simulate.meshes.mesh_file import MESH_SUFFIXES
 
-    return str(file).lower().endswith(MESH_SUFFIXES) or not h5py.is_hdf5(file)
+    is_mesh = str(file).lower().endswith(MESH_SUFFIXES) or not h5py.is_hdf5(file)
+    return file.is_file() and file.suffix.lower() != ".vtkhdf" and is_mesh

@@ -96,25 +96,15 @@ def _check_whole(surface: TriangleSurface, points: np.ndarray, size_m: float) ->
     samples, _ = triangle_samples(surface.corners, 0.5 * size_m, surface.box_m)
     away = scipy.spatial.cKDTree(points.reshape(-1, 3)).query(samples)[0]
     if away.max() > _FARTHEST_NODE_CUBES * size_m:
-        place = in_mm(samples[away.argmax()])
-        n = len(surface.points)
-        first, others = surface.triangles[:, :1], surface.triangles[:, 1:]
-        pairs = np.broadcast_to(first, others.shape).ravel(), others.ravel()
-        _, piece = scipy.sparse.csgraph.connected_components(
-            scipy.sparse.coo_array((np.ones(len(pairs[0])), pairs), shape=(n, n))
-        )
-        a, b, c = np.moveaxis(surface.corners, 1, 0)
-        inside = np.bincount(piece[first[:, 0]], weights=np.einsum("ij,ij->i", a, np.cross(b, c)))
-        bodies = np.count_nonzero(inside > 0.0)  # a cavity has a negative volume
+        triangles, n = surface.triangles, len(surface.points)
+        ends = triangles[:, [0, 0]].ravel(), triangles[:, 1:].ravel()
+        piece = scipy.sparse.csgraph.connected_components(scipy.sparse.coo_array((np.ones(len(ends[0])), ends), shape=(n, n)))[1]
+        # A cavity has a negative volume.
+        bodies = np.count_nonzero(np.bincount(piece[triangles[:, 0]], weights=np.linalg.det(surface.corners)) > 0.0)
+        why = f"is thinner than three elements of {1e3 * size_m:g} mm and would be missing; decrease --size"
         if bodies > 1:
-            raise InputError(
-                f"the surface consists of {bodies} separate bodies, one around {place}, and only one is meshed; save each into a "
-                "file of its own, or unite them where they overlap."
-            )
-        raise InputError(
-            f"a part of the surface around {place} is thinner than three elements of {1e3 * size_m:g} mm and would be missing; "
-            "decrease --size."
-        )
+            why = f"belongs to one of {bodies} separate bodies, of which one is meshed; save each into a file of its own"
+        raise InputError(f"a part of the surface around {in_mm(samples[away.argmax()])} {why}.")
 
 
 def _without_hinges(core: np.ndarray) -> np.ndarray:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import builtins
 import contextlib
 import io
+import itertools
 import re
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -17,7 +18,7 @@ from explicitfe.platform.host.child import read_in_child
 from explicitfe.platform.host.extras import has_extra
 from explicitfe.platform.host.regular import size_of
 from explicitfe.simulate.meshes.abaqus import read_abaqus
-from explicitfe.simulate.meshes.content import DAMAGED, SOLIDS, FileMesh, check_kinds, corners_and_middles, nodes_each, set_name
+from explicitfe.simulate.meshes.content import DAMAGED, SOLIDS, FileMesh, check_kinds, corners_and_middles, set_name
 from explicitfe.simulate.meshes.febio import read_febio
 from explicitfe.simulate.meshes.gmsh import is_gmsh, read_gmsh
 from explicitfe.simulate.meshes.nastran import read_nastran
@@ -27,14 +28,14 @@ LARGEST_MESH_FILE_BYTES = 4 * 2**30  # ten million elements as text
 # A reader that asks so often for more where nothing follows would ask for ever.
 MOST_READS_AT_THE_END = 1000
 _READERS: dict[str, Callable[[str], FileMesh]] = {".inp": read_abaqus, ".feb": read_febio}
-_READERS |= dict.fromkeys((".bdf", ".nas", ".fem"), read_nastran) | dict.fromkeys(VTK_SUFFIXES, read_vtk)
+_READERS |= dict.fromkeys((".bdf", ".nas", ".fem"), read_nastran)
 _SURFACES = (".stl", ".obj", ".ply", ".vtp")
 _BY_MESHIO = (
     ".avs", ".cgns", ".dat", ".dato", ".e", ".ele", ".ex2", ".exo", ".f3grid", ".h5m", ".hmf", ".mdpa", ".med",
     ".mesh", ".meshb", ".node", ".post", ".su2", ".tec", ".ugrid", ".vol", ".dato.gz", ".post.gz", ".vol.gz", ".xdmf",
     ".xmf", ".xml",
 )  # fmt: skip
-MESH_SUFFIXES = (*_READERS, ".msh", *_BY_MESHIO)
+MESH_SUFFIXES = (*_READERS, ".msh", *VTK_SUFFIXES, *_BY_MESHIO)
 
 
 def read_mesh(path: Path) -> FileMesh:
@@ -53,42 +54,22 @@ def read_mesh(path: Path) -> FileMesh:
 # ---- in a process of its own: some readers of the forty formats never end ----
 
 
-class _Bytes(io.BufferedReader):
-    """A binary file that does not let itself be read for ever behind its end."""
+def _open_with_an_end(*args: Any, **options: Any) -> IO[Any]:
+    """A file that does not let itself be read for ever behind its end."""
+    stream = io.open(*args, **options)  # noqa: UP020, SIM115
+    ends = itertools.count()
 
-    reads_at_the_end = 0
+    def counted(read: Callable[..., Any]) -> Callable[..., Any]:
+        def call(*size: int) -> Any:
+            data = read(*size)
+            if not data and next(ends) >= MOST_READS_AT_THE_END:
+                raise EOFError("the file ends too early")
+            return data
 
-    def readline(self, size: int | None = -1, /) -> bytes:
-        return self._counted(super().readline(size))
+        return call
 
-    def read(self, size: int | None = -1, /) -> bytes:
-        return self._counted(super().read(size))
-
-    def _counted(self, data: bytes) -> bytes:
-        self.reads_at_the_end += not data
-        if self.reads_at_the_end > MOST_READS_AT_THE_END:
-            raise EOFError("the file ends too early")
-        return data
-
-
-class _Text(io.TextIOWrapper):
-    """The same of text."""
-
-    reads_at_the_end = 0
-
-    def readline(self, size: int = -1, /) -> str:  # type: ignore[override]
-        line = super().readline(size)
-        self.reads_at_the_end += not line
-        if self.reads_at_the_end > MOST_READS_AT_THE_END:
-            raise EOFError("the file ends too early")
-        return line
-
-
-def _open_with_an_end(file: Any, mode: str = "r", buffering: int = -1, *args: Any, **options: Any) -> IO[Any]:
-    if mode not in ("r", "rb") or args:
-        return io.open(file, mode, buffering, *args, **options)  # noqa: UP020
-    stream = _Bytes(io.FileIO(file))
-    return stream if mode == "rb" else _Text(stream, **options)
+    stream.read, stream.readline = counted(stream.read), counted(stream.readline)
+    return stream
 
 
 def mesh_arrays(path: str) -> dict[str, np.ndarray]:
@@ -106,9 +87,7 @@ def mesh_arrays(path: str) -> dict[str, np.ndarray]:
             else "its name has no suffix of a mesh format"
         )
         raise InputError(f"{what}; save the mesh in one that is: {', '.join(MESH_SUFFIXES)}.")
-    read = read_gmsh if suffix == ".msh" and is_gmsh(path) else _READERS.get(suffix, _read_by_meshio)
-    if suffix == ".vtu" and not has_extra("view") and Path(path).read_bytes().count(b"<Piece") == 1:
-        read = _read_by_meshio
+    read = read_gmsh if suffix == ".msh" and is_gmsh(path) else _READERS.get(suffix, _read_others)
     mesh = read(path)
     if not len(mesh.points):
         raise InputError("the mesh has no points.")
@@ -118,7 +97,7 @@ def mesh_arrays(path: str) -> dict[str, np.ndarray]:
     return mesh.arrays()
 
 
-def _read_by_meshio(path: str) -> FileMesh:
+def _by_meshio(path: str) -> Any:
     import meshio  # slow to import, and only needed for a mesh of one's own
 
     builtins.open = _open_with_an_end  # type: ignore[assignment]
@@ -133,13 +112,22 @@ def _read_by_meshio(path: str) -> FileMesh:
     except (Exception, SystemExit) as error:  # meshio raises what its formats raise, and where none of several fits it prints
         words = " ".join((printed.getvalue() if isinstance(error, SystemExit) else str(error)).split()).rstrip(".")
         words = f" ({shortened(words)})" if " " in words else ""  # a single word is a key of its own
-        raise InputError(f"meshio cannot read this mesh{words}: {DAMAGED}.") from None
+        why = "it is damaged, of another format than its suffix says, or in a form that meshio does not read; save it as .vtu"
+        raise InputError(f"meshio cannot read this mesh{words}: {why}.") from None
     if re.search("skipping|cannot handle|could not", printed.getvalue(), re.IGNORECASE):
         words = shortened(" ".join(printed.getvalue().split()).rstrip("."))
         raise InputError(f"meshio reads this mesh in part only ({words}); save it in another format, such as .vtu.")
+    return mesh
+
+
+def _read_others(path: str) -> FileMesh:
+    suffix = Path(path).suffix.lower()
+    whole = suffix == ".vtu" and not has_extra("view") and Path(path).read_bytes().count(b"<Piece") == 1
+    mesh = read_vtk(path) if suffix in VTK_SUFFIXES and not whole else _by_meshio(path)
     _name_families(mesh)
     points = _points_of(mesh.points)
-    check_kinds(_counts(mesh.cells))
+    kinds = dict.fromkeys(block.type for block in mesh.cells)
+    check_kinds({kind: sum(len(block.data) for block in mesh.cells if block.type == kind) for kind in kinds})
     solid = [block.type in SOLIDS and len(block.data) > 0 for block in mesh.cells]
     blocks = [_nodes_of(block, points) for block, has_volume in zip(mesh.cells, solid, strict=True) if has_volume]
     cells, middles = (np.concatenate(of) for of in zip(*blocks, strict=True))
@@ -180,17 +168,10 @@ def _name_sets(content: FileMesh, mesh: Any, solid: list[bool]) -> None:
             content.element_sets[set_name(name)] = np.concatenate(elements)
 
 
-def _counts(blocks: Any) -> dict[str, int]:
-    counts: dict[str, int] = {}
-    for block in blocks:
-        counts[block.type] = counts.get(block.type, 0) + len(block.data)
-    return counts
-
-
 def _nodes_of(block: Any, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Corners (k, 8) of solid cells, and the nodes between them."""
     nodes = _numbers(block.data)
-    count = nodes_each(block.type)
+    count = int(re.sub(r"\D", "", block.type) or SOLIDS[block.type])
     if nodes is None or nodes.ndim != 2 or nodes.shape[1] != count or nodes.dtype.kind not in "iu":
         raise InputError(f"the mesh contains {block.type} cells without {count} nodes each; export the file again.")
     return corners_and_middles(block.type, nodes.astype(np.int64), points)

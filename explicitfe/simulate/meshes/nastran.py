@@ -14,10 +14,8 @@ from explicitfe.simulate.meshes.content import SOLIDS, FileMesh, MeshBuilder
 # Card -> its elements by the number of their nodes.
 _KINDS = {
     "CTETRA": {4: "tetra", 10: "tetra10"}, "CPENTA": {6: "wedge", 15: "wedge15"}, "CHEXA": {8: "hexahedron", 20: "hexahedron20"},
-    "CPYRAM": {5: "pyramid", 13: "pyramid13"}, "CPYRA": {5: "pyramid", 13: "pyramid13"}, "CTRIA3": {3: "triangle"},
-    "CQUAD4": {4: "quad"},
+    "CPYRAM": {5: "pyramid", 13: "pyramid13"}, "CTRIA3": {3: "triangle"}, "CQUAD4": {4: "quad"},
 }  # fmt: skip
-_SHELL_NODES = {"CTRIA3": 3, "CQUAD4": 4}  # angles and thicknesses follow them
 _SOLID = re.compile(r"C(TETRA|PENTA|HEX|PYR|SOLID)")
 # Nastran's order of the nodes of second order, in that of SOLID_EDGES: upright edges come before those of the upper face.
 _ORDERS = {"wedge15": [*range(9), *range(12, 15), *range(9, 12)], "hexahedron20": [*range(12), *range(16, 20), *range(12, 16)]}
@@ -45,7 +43,7 @@ def read_nastran(path: str) -> FileMesh:
             if name == "GRID":
                 points[int(fields[0])] = [_number(word) for word in fields[2:5]]
             elif name in _KINDS:
-                nodes = [int(word) for word in fields[2 : 2 + _SHELL_NODES.get(name, 20)] if word]
+                nodes = [int(word) for word in fields[2 : 2 + max(_KINDS[name])] if word]
                 cells.append((_KINDS[name][len(nodes)], int(fields[1] or 0), nodes))
         except (ValueError, KeyError):
             raise InputError(f"{where}: this card has too few numbers, or wrong ones; export the file again.") from None
@@ -63,15 +61,11 @@ def read_nastran(path: str) -> FileMesh:
 
 
 def _cards(path: Path) -> Iterator[tuple[int, str, list[str]]]:
-    """Line, name and fields of each card of the bulk data, with those of the lines that continue it."""
-    text = path.read_text(encoding="utf-8", errors="replace").upper()
-    begin = re.search(r"^\s*BEGIN[ ,]+BULK.*$", text, re.MULTILINE)  # Gmsh writes none
-    first = text.count("\n", 0, begin.end()) if begin else 0
+    """Line, name and fields of each card, with those of the lines that continue it; lines before the bulk data are cards too."""
+    text = path.read_text(encoding="utf-8", errors="replace").upper().partition("\nENDDATA")[0]
     card: tuple[int, str, list[str]] = (0, "", [])
-    for number, raw in enumerate(text.splitlines()[first + bool(begin) :], first + bool(begin) + 1):
+    for number, raw in enumerate(text.splitlines(), 1):
         line = raw.partition("$")[0].expandtabs(8).rstrip()
-        if line.startswith("ENDDATA"):
-            break
         if not line:
             continue
         head = line.partition(",")[0][:8].strip()

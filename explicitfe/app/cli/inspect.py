@@ -42,10 +42,14 @@ def inspect(file: Path, *, as_json: bool = False) -> None:
 
 
 def _is_mesh(file: Path) -> bool:
-    """Whether a file is taken for a mesh: by its suffix, or because it cannot be a result."""
-    import h5py
-
+    """Whether a file is taken for a mesh: by its suffix, or because it has another one than a result and is not HDF5."""
+    from explicitfe.results.files.stored import HDF5_SIGNATURE
     from explicitfe.simulate.meshes.mesh_file import MESH_SUFFIXES
 
-    is_mesh = str(file).lower().endswith(MESH_SUFFIXES) or not h5py.is_hdf5(file)
-    return file.is_file() and file.suffix.lower() != ".vtkhdf" and is_mesh
+    try:
+        if file.suffix.lower() in ("", ".vtkhdf") or not file.is_file():
+            return False
+        with file.open("rb") as opened:
+            return file.name.lower().endswith(MESH_SUFFIXES) or opened.read(len(HDF5_SIGNATURE)) != HDF5_SIGNATURE
+    except OSError:
+        return False

@@ -20,7 +20,7 @@ SOLID_EDGES = {
     6: ((0, 1), (1, 2), (2, 0), (3, 4), (4, 5), (5, 3), (0, 3), (1, 4), (2, 5)),
     8: ((0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6), (3, 7)),
 }
-_SOLID = re.compile("pyramid|tetra|wedge|hexa|prism|polyhedron", re.IGNORECASE)  # with more nodes, such as tetra20
+_SOLID_KIND = re.compile("pyramid|tetra|wedge|hexa|prism|polyhedron", re.IGNORECASE)  # with more nodes, such as tetra20
 DAMAGED = "it is damaged, or its format does not match its suffix"
 _FARTHEST_MIDDLE_SHARE = 0.5  # of an edge; so far at most is a node in its middle from the straight line
 
@@ -98,7 +98,7 @@ def check_kinds(counts: Mapping[str, int]) -> None:
     ------
     InputError : there are such elements, or no solid ones.
     """
-    other = {kind: n for kind, n in counts.items() if n and _SOLID.search(kind) and kind not in SOLIDS}
+    other = {kind: n for kind, n in counts.items() if n and _SOLID_KIND.search(kind) and kind not in SOLIDS}
     if other:
         listed = ", ".join(f"{count} {kind}" for kind, count in other.items())
         why = "only elements of first and second order are supported; mesh the body with them (in Gmsh: -order 2)."

@@ -16,7 +16,7 @@ _KINDS = {
     "CTETRA": {4: "tetra", 10: "tetra10"}, "CPENTA": {6: "wedge", 15: "wedge15"}, "CHEXA": {8: "hexahedron", 20: "hexahedron20"},
     "CPYRAM": {5: "pyramid", 13: "pyramid13"}, "CTRIA3": {3: "triangle"}, "CQUAD4": {4: "quad"},
 }  # fmt: skip
-_SOLID = re.compile(r"C(TETRA|PENTA|HEX|PYR|SOLID)")
+_SOLID_CARD = re.compile(r"C(TETRA|PENTA|HEX|PYR|SOLID)")
 # Nastran's order of the nodes of second order, in that of SOLID_EDGES: upright edges come before those of the upper face.
 _ORDERS = {"wedge15": [*range(9), *range(12, 15), *range(9, 12)], "hexahedron20": [*range(12), *range(16, 20), *range(12, 16)]}
 
@@ -37,7 +37,7 @@ def read_nastran(path: str) -> FileMesh:
                 f"{where}: the nodes are in the coordinate system {fields[1]}, which is not supported; export them in the "
                 "basic system (CP = 0)."
             )
-        if name == "INCLUDE" or (_SOLID.match(name) and name not in _KINDS):
+        if name == "INCLUDE" or (_SOLID_CARD.match(name) and name not in _KINDS):
             raise InputError(f"{where}: this card is not supported; export the mesh as one file of {', '.join(_KINDS)}.")
         try:
             if name == "GRID":

@@ -33,7 +33,7 @@ from explicitfe.fem.mesh.quality import volumes
 from explicitfe.fem.mesh.triangles import plane_segments
 from explicitfe.results.files import open_result
 from explicitfe.results.measure.document import Measures
-from explicitfe.results.measure.formants import airway
+from explicitfe.results.measure.formants import airway_of
 from explicitfe.results.measure.measure import measures_of
 from explicitfe.results.measure.sections import X, Y, Z, midsagittal, section
 from explicitfe.results.measure.steps import last_step
@@ -212,7 +212,8 @@ def formants(mesh: str, out: Path) -> None:
     for resection, reconstruction, settings in cases:
         folder = out / f"{mesh}-formants" / f"{resection}-{reconstruction}".replace(" ", "-")
         computed("[i]", mesh, settings, folder)
-        answer = airway(folder / f"{GESTURES['[i]']}.vtkhdf")
+        with open_result(folder / f"{GESTURES['[i]']}.vtkhdf") as result:
+            answer = airway_of(result, last_step(result))
         text = " | ".join(f"{formant.frequency_hz:.0f}" for formant in answer.formants)
         print(f"| {resection} | {reconstruction} | {text or 'closed'} |", flush=True)
 

@@ -109,41 +109,33 @@ class ResultInMemory(Recorded, Recorder):
 
     @property
     def status(self) -> str:
-        """How the run ended; "running" until then."""
         return self._status
 
     @property
     def model(self) -> Mapping[str, Any]:
-        """The model that was run."""
         return self._model
 
     @property
     def mesh(self) -> HexMesh:
-        """The reference mesh."""
         return self._mesh
 
     @property
     def times(self) -> np.ndarray:
-        """Times of the samples, (T,), s."""
         return np.concatenate([np.zeros(0), *self._times])
 
     @property
     def fields(self) -> dict[str, FieldInfo]:
-        """The fields by name."""
         return self._fields
 
     @property
     def history_names(self) -> dict[str, Quantity]:
-        """The history by name."""
         return self._history_names
 
     @property
     def bones(self) -> dict[str, StoredBone]:
-        """The bones by name, at rest."""
         return self._bones
 
     def history(self, name: str) -> np.ndarray:
-        """One history, (T,) or (T, components)."""
         return np.concatenate(self._rows[name])
 
     def _of_step(self, name: str, step: int) -> np.ndarray:

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 from explicitfe.platform.errors import InputError
 from explicitfe.results.acoustics.formants import Tube, formants
-from explicitfe.results.documents.run_summary import kind_of
-from explicitfe.results.files import Recorded, open_result
+from explicitfe.results.files import Recorded
 from explicitfe.results.files.airway_table import AirwayTable, LarynxTable
 from explicitfe.results.measure.airway import (
     Surroundings,
@@ -24,7 +22,6 @@ from explicitfe.results.measure.airway import (
 )
 from explicitfe.results.measure.document import Airway, AirwayRegion, AirwaySection, AreaSource, FormantFigures, FormantShifts
 from explicitfe.results.measure.leak import leak_history
-from explicitfe.results.measure.steps import step_at
 
 FORMANT_COUNT = 3
 # A midline has at least so many points.
@@ -47,21 +44,13 @@ class Piece(NamedTuple):
     area_mm2: float
 
 
-def airway(path: Path, time_s: float | None = None) -> Airway:
-    """The airway of a result and its formants, at the sample nearest to a time; at the last one by default.
+def airway_of(result: Recorded, step: int) -> Airway:
+    """The airway at one stored step, with its formants.
 
     Raises
     ------
-    InputError : the file cannot be read, holds no such time, or its run had no palate or no built-in tongue.
+    InputError : the run had no palate or no built-in tongue.
     """
-    with open_result(path) as result:
-        if kind_of(result.model) != "transient":
-            raise InputError(f"{path} is the result of an indentation: it has no airway.")
-        return airway_of(result, step_at(result, time_s))
-
-
-def airway_of(result: Recorded, step: int) -> Airway:
-    """The airway at one stored step, with its formants."""
     table = airway_table(result)
     lips = lips_at(result, float(result.times[step]), table)
     middle = cut_pieces(result, step, table)

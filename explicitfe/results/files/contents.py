@@ -105,18 +105,3 @@ class ResultContents(TypedDict):
     model: TransientModelDescription | IndentationModelDescription
     provenance: Provenance
     restart: StoredRestart | None
-
-
-def stored_quantity(name: str, quantity: Quantity) -> StoredQuantity:
-    """A quantity of the history."""
-    return {
-        "name": name,
-        "unit": quantity.unit,
-        "components": quantity.components,
-        "description": quantity.description,
-    }
-
-
-def stored_field(name: str, kind: str, quantity: Quantity) -> StoredField:
-    """A field of points or cells."""
-    return {**stored_quantity(name, quantity), "kind": kind}

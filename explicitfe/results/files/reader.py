@@ -26,9 +26,9 @@ from explicitfe.results.files.contents import (
     RestartState,
     ResultContents,
     StoredBone,
+    StoredField,
+    StoredQuantity,
     StoredRestart,
-    stored_field,
-    stored_quantity,
 )
 from explicitfe.results.files.description import description_of
 from explicitfe.results.files.export.table import table_of
@@ -46,21 +46,6 @@ if TYPE_CHECKING:
 # A run changes its file for a few milliseconds at a time.
 ATTEMPTS_AT_A_LIVE_FILE = 10
 BETWEEN_ATTEMPTS_S = 0.02
-
-
-class _ClosedFile:
-    """In place of a file that was closed."""
-
-    def __init__(self, path: Path) -> None:
-        self._path = path
-
-    def close(self) -> None:
-        """Nothing is left to close."""
-
-    def __getattr__(self, name: str) -> object:
-        raise InputError(
-            f"{self._path} was closed; open it again with open_result, and read it before close() or in a with block."
-        )
 
 
 class Result(Recorded):
@@ -100,7 +85,6 @@ class Result(Recorded):
     def close(self) -> None:
         """Close the file; afterwards only what was read before is known."""
         self._stored.close()
-        self._stored = cast(StoredFile, _ClosedFile(self.path))
 
     @cached_property
     def status(self) -> str:
@@ -151,9 +135,12 @@ class Result(Recorded):
             raise self._stored.damaged("VTKHDF/Points are no positions")
         if len(corners) % 8 or not _within(corners, len(points)):
             raise self._stored.damaged("VTKHDF/Connectivity has no eight nodes of the mesh for each element")
-        sets = {name: self._numbers_of_nodes(f"{layout.NODE_SETS}/{name}", len(points)) for name in self._names(layout.NODE_SETS)}
+        sets = {
+            name: self._numbers_of_nodes(f"{layout.NODE_SETS}/{name}", len(points))
+            for name in self._stored.names(layout.NODE_SETS)
+        }
         mesh = HexMesh(points, corners.reshape(-1, 8), sets)
-        return replace(mesh, named_points={name: self._point(mesh, name) for name in self._names(layout.NAMED_POINTS)})
+        return replace(mesh, named_points={name: self._point(mesh, name) for name in self._stored.names(layout.NAMED_POINTS)})
 
     @cached_property
     def times(self) -> np.ndarray:
@@ -174,13 +161,13 @@ class Result(Recorded):
         return {
             name: FieldInfo(kind, self._quantity(f"{data}/{name}"))
             for kind, data in (("point", layout.POINT_DATA), ("cell", layout.CELL_DATA))
-            for name in self._names(data)
+            for name in self._stored.names(data)
         }
 
     @cached_property
     def history_names(self) -> dict[str, Quantity]:
         """Names and units of the histories, including ``time``."""
-        return {name: self._quantity(f"{layout.HISTORY}/{name}") for name in self._names(layout.HISTORY)}
+        return {name: self._quantity(f"{layout.HISTORY}/{name}") for name in self._stored.names(layout.HISTORY)}
 
     def history(self, name: str) -> np.ndarray:
         """Read one history: a quantity at every sample.
@@ -204,7 +191,7 @@ class Result(Recorded):
     @cached_property
     def bones(self) -> dict[str, StoredBone]:
         """Surfaces of the bones at rest, by name; empty if the run had none."""
-        names = self._names(layout.BONES) if self._stored.has(layout.BONES) else []
+        names = self._stored.names(layout.BONES) if self._stored.has(layout.BONES) else []
         return {name: self._bone(f"{layout.BONES}/{name}") for name in names}
 
     @cached_property
@@ -307,8 +294,10 @@ class Result(Recorded):
             "steps": len(self.times),
             "time_s": [float(time) for time in self.times[[0, -1]]] if len(self.times) else [],
             "every_s": float(np.ptp(self.times)) / (len(self.times) - 1) if len(self.times) > 1 else None,
-            "fields": [stored_field(name, info.kind, info.quantity) for name, info in self.fields.items()],
-            "history": [stored_quantity(name, quantity) for name, quantity in self.history_names.items()],
+            "fields": [
+                cast(StoredField, {"name": name, **vars(info.quantity), "kind": info.kind}) for name, info in self.fields.items()
+            ],
+            "history": [cast(StoredQuantity, {"name": name, **vars(of)}) for name, of in self.history_names.items()],
             "history_rows": rows,
             "last": {name: self.history(name)[-1].tolist() for name in self.history_names} if rows else {},
             "node_sets": {name: len(nodes) for name, nodes in self.mesh.node_sets.items()},
@@ -384,9 +373,6 @@ class Result(Recorded):
                 raise self._stored.damaged(f"{name} is shorter than {len(self.times)} steps")
             if name == "displacement" and quantity.components != 3:
                 raise self._stored.damaged("its displacement has no three components")
-
-    def _names(self, group: str) -> list[str]:
-        return self._stored.names(group)
 
     def _quantity(self, name: str) -> Quantity:
         shape = self._stored.shape(name, axes=(1, 2))

@@ -64,8 +64,9 @@ class StoredFile:
             raise
 
     def close(self) -> None:
-        """Close the file."""
+        """Close the file; reading then raises InputError."""
         self._file.close()
+        self._datasets.clear()
 
     def damaged(self, what: str) -> InputError:
         """The error to raise if a part is wrong."""
@@ -205,6 +206,10 @@ class StoredFile:
 
     @contextmanager
     def _reading(self, what: str) -> Iterator[None]:
+        if not self._file:
+            raise InputError(
+                f"{self.path} was closed; open it again with open_result, and read it before close() or in a with block."
+            )
         try:
             yield
         except InputError:

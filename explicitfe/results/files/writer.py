@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import shlex
 import time
-from collections.abc import Callable, Mapping
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from functools import partial
 from pathlib import Path
 from types import TracebackType
 from typing import Self
@@ -94,7 +95,7 @@ class ResultWriter(Recorder):
             raise _cannot_write(self.path, error) from error
         self._disk, self._name, self._overwrite = DiskFile(number), name, overwrite
         self._file = h5py.File(self._disk, "w", rdcc_nbytes=0, libver=layout.LIBRARY_VERSIONS)
-        try:
+        with _closing_after_errors(self.close, partial(_cannot_write, self.path)):
             layout.create(
                 self._file,
                 declared,
@@ -107,11 +108,6 @@ class ResultWriter(Recorder):
             self._file[layout.STATE][()] = RUNNING.encode()
             self._attach()
             self._flush()
-        except BaseException as error:
-            self.close()
-            if isinstance(error, HDF5_ERRORS):
-                raise _cannot_write(self.path, error) from error
-            raise
 
     @classmethod
     def reopen(cls, path: Path | str, *, overwrite: bool = False) -> Self:
@@ -137,30 +133,20 @@ class ResultWriter(Recorder):
         except OSError as error:
             raise _cannot_reopen(path, error) from None
         disk, name = DiskFile(number), path
-        try:
+        with _closing_after_errors(disk.close, partial(_cannot_reopen, path)):
             if not files.lock(number) or not files.is_at(path, number):
                 raise InputError(f"another run is writing {path}; wait until it ends")
             if path == final:
                 name = running_path(final)
                 names.to_running(path, name, overwrite)
             file = h5py.File(disk, "r+", rdcc_nbytes=0, libver=layout.LIBRARY_VERSIONS)
-        except BaseException as error:
-            disk.close()
-            if isinstance(error, HDF5_ERRORS):
-                raise _cannot_reopen(path, error) from error
-            raise
         writer = cls.__new__(cls)
         writer.path, writer.last_row, writer._made = final, {}, []
         writer._disk, writer._file, writer._name, writer._overwrite = disk, file, name, overwrite
         writer._reopened, writer._private = True, False
         writer._restarts, writer._samples = restarts, count
-        try:
+        with _closing_after_errors(writer.close, partial(_cannot_reopen, path)):
             writer._reattach()
-        except BaseException as error:
-            writer.close()
-            if isinstance(error, HDF5_ERRORS):
-                raise _cannot_reopen(path, error) from error
-            raise
         return writer
 
     def __enter__(self) -> Self:
@@ -390,6 +376,18 @@ class ResultWriter(Recorder):
             if samples
             else f"cannot write {self.path} ({files.reason(error)}); free disk space or choose another `out` folder."
         )
+
+
+@contextmanager
+def _closing_after_errors(close: Callable[[], None], refusal: Callable[[Exception], Exception]) -> Iterator[None]:
+    """Close what was opened if the block fails, and raise the refusal in place of an error of HDF5."""
+    try:
+        yield
+    except BaseException as error:
+        close()
+        if isinstance(error, HDF5_ERRORS):
+            raise refusal(error) from error
+        raise
 
 
 def _cannot_write(path: Path, error: Exception) -> InputError | MachineError:

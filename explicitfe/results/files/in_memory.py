@@ -15,8 +15,7 @@ from explicitfe.fem.mesh.hexmesh import HexMesh
 from explicitfe.results.files import layout
 from explicitfe.results.files.contents import FieldInfo, StoredBone
 from explicitfe.results.files.layout import Declaration, Quantity
-from explicitfe.results.files.recorded import Recorded
-from explicitfe.results.files.recorder import Recorder
+from explicitfe.results.files.recorded import Recorded, Recorder
 
 
 class ResultInMemory(Recorded, Recorder):

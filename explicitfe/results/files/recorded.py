@@ -1,4 +1,4 @@
-"""The samples of a run, in a result file or in memory: the interface that measures and pictures use."""
+"""The samples of a run, in a result file or in memory: how a run hands them over, and how measures and pictures read them."""
 
 from __future__ import annotations
 
@@ -13,6 +13,33 @@ from explicitfe.fem.mesh.hexmesh import HexMesh, shape_functions
 from explicitfe.platform.errors import InputError, nearest
 from explicitfe.results.files.contents import FieldInfo, StoredBone
 from explicitfe.results.files.layout import Quantity
+
+
+class Recorder(ABC):
+    """What a run hands its samples to."""
+
+    @abstractmethod
+    def samples(
+        self,
+        times_s: np.ndarray,
+        rows: Mapping[str, np.ndarray],
+        point_data: Mapping[str, np.ndarray],
+        cell_data: Mapping[str, np.ndarray] | None = None,
+    ) -> None:
+        """Take fields and history at some times; each array has the samples along its first axis."""
+
+    def sample(
+        self,
+        time_s: float,
+        row: Mapping[str, float | np.ndarray],
+        point_data: Mapping[str, np.ndarray],
+        cell_data: Mapping[str, np.ndarray] | None = None,
+    ) -> None:
+        """Take one sample; see :meth:`samples`."""
+        one_row, one_point, one_cell = (
+            {name: np.asarray(value)[None] for name, value in (some or {}).items()} for some in (row, point_data, cell_data)
+        )
+        self.samples(np.array([time_s], dtype=float), one_row, one_point, one_cell)
 
 
 class Recorded(ABC):

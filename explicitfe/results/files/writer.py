@@ -24,7 +24,7 @@ from explicitfe.results.files import layout, names
 from explicitfe.results.files.disk import DiskFile
 from explicitfe.results.files.fibres import fibre_arrays
 from explicitfe.results.files.layout import INTERRUPTED, RUNNING, Declaration, Origin
-from explicitfe.results.files.recorder import Recorder
+from explicitfe.results.files.recorded import Recorder
 from explicitfe.results.files.rows import FieldRows, HistoryRows, Rows
 
 # What h5py raises, by where in HDF5 something goes wrong.

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Literal, NotRequired
 
 from typing_extensions import TypedDict
@@ -128,17 +127,6 @@ HiddenRow = TypedDict(
         "left_in_noise": NotRequired[float],
     },
 )
-
-
-def changes_of(row: HiddenRow, symbols: Sequence[str]) -> list[float]:
-    """Relative changes of the constants with these symbols."""
-    changes = {
-        "C10": row.get("C10_change", 0.0),
-        "C20": row.get("C20_change", 0.0),
-        "C30": row.get("C30_change", 0.0),
-        "C01": row.get("C01_change", 0.0),
-    }
-    return [changes[symbol] for symbol in symbols]
 
 
 class PaperRun(TypedDict):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from explicitfe.app.view.page.frame import page_text
 from explicitfe.app.view.page.tables import PageTable, bars, table
 from explicitfe.app.view.page.words import finite, number, percent, plural
 from explicitfe.results.documents.fitted_curves import ConstantProfile, FittedCurve
-from explicitfe.results.documents.identification import Identification, IdentifiedGroup, changes_of
+from explicitfe.results.documents.identification import Identification, IdentifiedGroup
 
 # A constant with this rise of chi squared stands at an end of its 95 % interval: the quantile of one degree of freedom.
 CHI2_RISE_95_PERCENT = 3.84
@@ -192,7 +192,7 @@ def hides_table(group: IdentifiedGroup) -> PageTable | None:
         if "problem" in row:
             rows.append((row["if"], row["problem"], *("" for _ in range(len(symbols) + 1))))
             continue
-        changes = (f"{100.0 * change:+.1f} %" for change in changes_of(row, symbols))
+        changes = (f"{100.0 * cast(float, row.get(f'{symbol}_change', 0.0)):+.1f} %" for symbol in symbols)
         rows.append(
             (
                 row["if"] + (" *" if row["left_open"] else ""),

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 import scipy
 
-from explicitfe.fem.mesh.triangles import corners_of, plane_segments, surface_triangles
+from explicitfe.fem.mesh.triangles import corners_of, surface_triangles
 from explicitfe.platform.errors import InputError
 from explicitfe.results.files import Recorded
 from explicitfe.results.files.airway_table import AirwayTable, WallTable
@@ -25,6 +25,8 @@ from explicitfe.results.measure.tract import (
     SectionPlane,
     columns,
     crossings,
+    lengths_along,
+    midsagittal_lines,
     palate_midline,
 )
 
@@ -125,12 +127,12 @@ def bounds_of_air(
     velum = front.points[::-1]
     wall_line = wall_line + shift[[X, Z]]
     inner = np.concatenate([tongue, jaw])
-    edges = _midsagittal(jaw, plane).reshape(-1, 2)
+    edges = midsagittal_lines(jaw, plane).reshape(-1, 2)
     return Surroundings(
         outer=np.concatenate([palate, wall + shift + np.array([0.0, plane, 0.0])]),
         inner=inner,
         line=np.concatenate([wall_line[wall_line[:, 1] < velum[0, 1]], velum]),
-        incisors=_gap(velum[-1], edges[edges[:, 1].argmax()], _midsagittal(inner, plane)) if len(edges) else None,
+        incisors=_gap(velum[-1], edges[edges[:, 1].argmax()], midsagittal_lines(inner, plane)) if len(edges) else None,
         middle=plane,
         lowest=1e-3 * table.larynx.lowest_section_mm + float(shift[Z]),
     )
@@ -161,7 +163,7 @@ def airway_midline(around: Surroundings) -> np.ndarray:
     It begins as the outer side. In each round its points move half way between what is met across it on both sides, and it is
     smoothed. It ends half way between the incisors; without a jaw where nothing is met on the inner side.
     """
-    outer, inner = (_midsagittal(triangles, around.middle) for triangles in (around.outer, around.inner))
+    outer, inner = (midsagittal_lines(triangles, around.middle) for triangles in (around.outer, around.inner))
     line = _resampled(around.line)
     for _ in range(MIDLINE_ROUNDS):
         along = _directions(_smoothed(line))
@@ -181,11 +183,11 @@ def airway_midline(around: Surroundings) -> np.ndarray:
 
 def cut_sections(line: np.ndarray, around: Surroundings) -> list[CutSection]:
     """The sections across the midline (k, 2) m, in the middle of equal parts of it."""
-    length = _length(line)
+    length = lengths_along(line)
     parts = int(np.ceil(length[-1] / AREA_SPACING_M))
     places = length[-1] * (np.arange(parts) + 0.5) / parts
     along = _directions(_smoothed(line))
-    outer, inner = (_midsagittal(triangles, around.middle) for triangles in (around.outer, around.inner))
+    outer, inner = (midsagittal_lines(triangles, around.middle) for triangles in (around.outer, around.inner))
     cuts = []
     for place in places:
         x, z = (np.interp(place, length, column) for column in line.T)
@@ -217,27 +219,12 @@ def open_area(plane: SectionPlane, around: Surroundings) -> float | None:
     return COLUMN_WIDTH_M * float(gap[gap >= TOUCHING_GAP_M].sum())
 
 
-def gap_to_incisors(line: np.ndarray, around: Surroundings) -> float:
-    """How far before the edge of the upper incisors the midline (k, 2) ends, m; 0 where it ends between both incisors."""
-    return 0.0 if around.incisors is not None else max(0.0, float(line[-1, 0] - around.line[-1, 0]))
-
-
-def line_length(line: np.ndarray) -> float:
-    """Length of the line through points (k, 2), m."""
-    return float(_length(line)[-1])
-
-
 def _palate_shift(result: Recorded) -> np.ndarray:
     """By how much the scenario shifts the palate (3,) m: the wall goes with it."""
     for bone in result.model["scenario"].get("bone", []):
         if bone["name"] == PALATE_BONE:
             return 1e-3 * np.array(bone.get("shift_mm", [0.0, 0.0, 0.0]))
     return np.zeros(3)
-
-
-def _midsagittal(triangles: np.ndarray, plane: float) -> np.ndarray:
-    """Where the midsagittal plane cuts triangles: segments (k, 2 ends, 2), x and z."""
-    return plane_segments(triangles, np.array([0.0, plane, 0.0]), np.array([0.0, 1.0, 0.0]))[:, :, [X, Z]]
 
 
 def _across(points: np.ndarray, along: np.ndarray, outer: np.ndarray, inner: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -281,13 +268,9 @@ def _inwards(tangent: np.ndarray) -> np.ndarray:
     return np.stack([-tangent[..., 1], tangent[..., 0]], axis=-1)
 
 
-def _length(line: np.ndarray) -> np.ndarray:
-    return np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
-
-
 def _resampled(line: np.ndarray) -> np.ndarray:
     """The line through points (k, 2) in equal steps."""
-    length = _length(line)
+    length = lengths_along(line)
     places = np.linspace(0.0, length[-1], int(np.ceil(length[-1] / POINT_SPACING_M)) + 1)
     return np.column_stack([np.interp(places, length, column) for column in line.T])
 

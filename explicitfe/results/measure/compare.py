@@ -29,9 +29,8 @@ from explicitfe.results.measure.comparison import (
     DifferingKey,
     DifferingMeasure,
 )
-from explicitfe.results.measure.document import MaterialPlace
 from explicitfe.results.measure.measure import measures_of
-from explicitfe.results.measure.motion import unsigned_zero
+from explicitfe.results.measure.motion import place_of, unsigned_zero
 from explicitfe.results.measure.sections import X, Y, Z
 
 # Times that differ by less than this share of the longer run are equal.
@@ -252,16 +251,11 @@ def _fields(a: Result, b: Result, steps: Instants, pairing: Pairing, progress: P
                 rms=apart.rms,
                 share=apart.share,
                 at_ms=None if apart.at is None else 1e3 * float(a.times[steps.rows[apart.at[0]]]),
-                place=None if apart.at is None else _place(places[chosen[apart.at[1]]]),
+                place=None if apart.at is None else place_of(places[chosen[apart.at[1]]]),
             )
         )
     progress("compare", 1.0)
     return parts
-
-
-def _place(position_m: np.ndarray) -> MaterialPlace:
-    back, right, up = (unsigned_zero(1e3 * value) for value in position_m)
-    return MaterialPlace(back_mm=back, right_mm=right, up_mm=up)
 
 
 def _named_points(a: Result, b: Result, steps: Instants) -> dict[str, ComparedPoint]:

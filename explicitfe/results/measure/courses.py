@@ -53,23 +53,14 @@ def constriction_course(result: Recorded, every: int = 1) -> ConstrictionCourse:
     return ConstrictionCourse(result.times[steps], np.array([each.width for each in met]), np.array([each.place for each in met]))
 
 
-def formant_course(result: Recorded, every: int = 1) -> FormantCourse:
-    """The formants at every ``every``-th sample and at the last one; about 0.1 s each.
+def formant_course(result: Recorded, every: int = 1, steps: Sequence[int] | None = None) -> FormantCourse:
+    """The formants at some stored samples, by default at every ``every``-th and at the last one; about 0.1 s each.
 
     Raises
     ------
     InputError : as ``measure.formants.airway_of``.
     """
-    return formants_at(result, _steps(result, every))
-
-
-def formants_at(result: Recorded, steps: Sequence[int]) -> FormantCourse:
-    """The formants at stored samples.
-
-    Raises
-    ------
-    InputError : as ``measure.formants.airway_of``.
-    """
+    steps = _steps(result, every) if steps is None else steps
     table, of_all = airway_table(result), []
     frequency = np.full((len(steps), FORMANT_COUNT), np.nan)
     for number, step in enumerate(steps):

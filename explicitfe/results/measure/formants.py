@@ -11,17 +11,10 @@ from explicitfe.platform.errors import InputError
 from explicitfe.results.acoustics.formants import Tube, formants
 from explicitfe.results.files import Recorded
 from explicitfe.results.files.airway_table import AirwayTable, LarynxTable
-from explicitfe.results.measure.airway import (
-    Surroundings,
-    airway_midline,
-    airway_table,
-    cut_sections,
-    gap_to_incisors,
-    line_length,
-    surroundings,
-)
+from explicitfe.results.measure.airway import Surroundings, airway_midline, airway_table, cut_sections, surroundings
 from explicitfe.results.measure.document import Airway, AirwayRegion, AirwaySection, AreaSource, FormantFigures, FormantShifts
 from explicitfe.results.measure.leak import leak_history
+from explicitfe.results.measure.tract import lengths_along
 
 FORMANT_COUNT = 3
 # A midline has at least so many points.
@@ -128,12 +121,13 @@ def pieces_between(around: Surroundings) -> list[Piece]:
     if not met:
         return []
     areas = 1e6 * np.interp(np.arange(len(cuts)), met, [cut.area for cut in cuts if cut.area is not None])
-    part_mm = 1e3 * line_length(line) / len(cuts)
+    part_mm = 1e3 * float(lengths_along(line)[-1]) / len(cuts)
     pieces = [
         Piece(cut.region, "assumed" if cut.area is None else "geometry", part_mm, float(area))
         for cut, area in zip(cuts, areas, strict=True)
     ]
-    gap_mm = 1e3 * gap_to_incisors(line, around)
+    # Without a jaw the midline may end before the edge of the upper incisors.
+    gap_mm = 0.0 if around.incisors is not None else 1e3 * float(line[-1, 0] - around.line[-1, 0])
     return [*pieces, Piece("teeth", "assumed", gap_mm, pieces[-1].area_mm2)] if gap_mm > SHORTEST_GAP_MM else pieces
 
 

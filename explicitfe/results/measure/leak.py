@@ -29,7 +29,7 @@ from explicitfe.results.files import Recorded
 from explicitfe.results.measure.bodies import roof_of, tongue_of
 from explicitfe.results.measure.document import Closure, LeakCourse, LeakFigures
 from explicitfe.results.measure.electrodes import HARD_PALATE_M
-from explicitfe.results.measure.palatogram import hard_palate
+from explicitfe.results.measure.palatogram import length_of_palate
 from explicitfe.results.measure.roof_grid import OnTriangles, RoofGrid, clearance, roof_grid, surface_samples
 from explicitfe.results.measure.sections import middle
 from explicitfe.results.measure.tract import PALATE, TOUCHING_GAP_M
@@ -106,11 +106,6 @@ class LeakHistory:
         """Areas (t,) m2."""
         return self._sizes[:, 1]
 
-    @property
-    def closures_s(self) -> list[tuple[float, float]]:
-        """Start and end of each time in which the leak is closed, s: linear between samples."""
-        return times_below(self.times_s, self.width_m, TOUCHING_GAP_M)
-
     @cached_property
     def _sizes(self) -> np.ndarray:
         return np.array([self.widest(step)[:2] for step in range(len(self.times_s))])
@@ -126,7 +121,7 @@ def leak_history(result: Recorded, step: int) -> LeakHistory | None:
     """The leak up to a step; None without a bone called "palate", or where that has no underside on both sides of the midline."""
     if PALATE not in result.bones:
         return None
-    length_m = hard_palate(result) or HARD_PALATE_M
+    length_m = length_of_palate(result, "hard_palate_mm") or HARD_PALATE_M
     grid = roof_grid(roof_of(result, 0, result.bones[PALATE]), middle(tongue_of(result, 0)[0]), length_m)
     return None if grid is None else LeakHistory(result, step, grid)
 
@@ -151,7 +146,8 @@ def leak(result: Recorded, step: int) -> LeakFigures | None:
             area_mm2=(1e6 * history.area_m2).tolist(),
         ),
         closures=[
-            Closure(from_ms=1e3 * start, to_ms=1e3 * end, duration_ms=1e3 * (end - start)) for start, end in history.closures_s
+            Closure(from_ms=1e3 * start, to_ms=1e3 * end, duration_ms=1e3 * (end - start))
+            for start, end in times_below(history.times_s, history.width_m, TOUCHING_GAP_M)
         ],
     )
 

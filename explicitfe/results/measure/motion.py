@@ -66,7 +66,7 @@ def body_motion(result: Recorded, step: int) -> BodyMotion:
         self_penetration=SelfPenetrationFigures(
             nodes=passed.count,
             deepest_mm=1e3 * passed.deepest_m,
-            deepest_at_rest=None if passed.where_m is None else _place(passed.where_m),
+            deepest_at_rest=None if passed.where_m is None else place_of(passed.where_m),
         ),
     )
 
@@ -197,6 +197,7 @@ def _in_ms(seconds: float | None) -> float | None:
     return None if seconds is None else 1e3 * seconds
 
 
-def _place(position_m: np.ndarray) -> MaterialPlace:
+def place_of(position_m: np.ndarray) -> MaterialPlace:
+    """A reference position (3,) m, as documents have it."""
     back, right, up = 1e3 * position_m
     return MaterialPlace(back_mm=unsigned_zero(back), right_mm=unsigned_zero(right), up_mm=unsigned_zero(up))

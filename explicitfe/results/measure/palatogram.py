@@ -55,7 +55,7 @@ class TongueOnPalate:
 
     def __init__(self, result: Recorded, at: Electrodes) -> None:
         self.result, self.at = result, at
-        self.plate_m = _of_palate(result, "plate_mm") or 0.0
+        self.plate_m = length_of_palate(result, "plate_mm") or 0.0
         element, face = free_faces(result.mesh.hexes)
         self._areas = surface_areas(result.mesh)
         self.faces = result.mesh.hexes[element[:, None], FACES[face]]
@@ -104,7 +104,7 @@ def electrodes_of(result: Recorded) -> Electrodes | None:
     bone, plane = result.bones[PALATE], middle(result.mesh)
     corners = corners_of(*bone)
     line = palate_midline(corners, plane)
-    return None if line is None else electrodes(line, corners, plane, hard_palate(result))
+    return None if line is None else electrodes(line, corners, plane, length_of_palate(result, "hard_palate_mm"))
 
 
 class ContactHistory:
@@ -141,8 +141,21 @@ class ContactHistory:
         )
 
     def pattern(self, step: int) -> PalatogramPattern:
-        """The pattern at a step."""
-        return pattern(self.at, self.on[step], float(self.times_s[step]))
+        """The pattern at a step, with its indices."""
+        at, on = self.at, self.on[step]
+        touched, exists = (np.zeros((ELECTRODE_ROWS, ELECTRODE_COLUMNS), dtype=bool) for _ in range(2))
+        touched[at.row, at.column] = on
+        exists[at.row, at.column] = True
+        return PalatogramPattern(
+            time_ms=1e3 * float(self.times_s[step]),
+            electrodes=_grid(at, [bool(state) for state in on]),
+            contacts=int(on.sum()),
+            anteriority=anteriority(touched),
+            centrality=centrality(touched),
+            dorsopalatal=float(touched[DORSAL_ROWS].mean()),
+            centre_of_gravity=centre_of_gravity(touched),
+            closed_rows=[int(row) + 1 for row in np.flatnonzero((touched | ~exists).all(axis=1))],
+        )
 
 
 def contact_history(result: Recorded, step: int) -> ContactHistory | None:
@@ -166,24 +179,6 @@ def palatogram(result: Recorded, step: int) -> Palatogram | None:
         duration_ms=_grid(at, _durations(times_ms, on).tolist()),
         row_places_mm=(1e3 * at.row_places).tolist(),
         course=history.course,
-    )
-
-
-def pattern(at: Electrodes, on: np.ndarray, time_s: float) -> PalatogramPattern:
-    """A pattern with its indices, from which electrodes are on (62,)."""
-    touched = np.zeros((ELECTRODE_ROWS, ELECTRODE_COLUMNS), dtype=bool)
-    touched[at.row, at.column] = on
-    exists = np.zeros((ELECTRODE_ROWS, ELECTRODE_COLUMNS), dtype=bool)
-    exists[at.row, at.column] = True
-    return PalatogramPattern(
-        time_ms=1e3 * float(time_s),
-        electrodes=_grid(at, [bool(state) for state in on]),
-        contacts=int(on.sum()),
-        anteriority=anteriority(touched),
-        centrality=centrality(touched),
-        dorsopalatal=float(touched[DORSAL_ROWS].mean()),
-        centre_of_gravity=centre_of_gravity(touched),
-        closed_rows=[int(row) + 1 for row in np.flatnonzero((touched | ~exists).all(axis=1))],
     )
 
 
@@ -213,12 +208,7 @@ def centre_of_gravity(touched: np.ndarray) -> float | None:
     return float(GRAVITY_WEIGHTS @ rows / rows.sum()) if rows.any() else None
 
 
-def hard_palate(result: Recorded) -> float | None:
-    """The length of the hard palate that the scenario gives, m."""
-    return _of_palate(result, "hard_palate_mm")
-
-
-def _of_palate(result: Recorded, key: str) -> float | None:
+def length_of_palate(result: Recorded, key: str) -> float | None:
     """A length in the ``[[bone]]`` table of the palate in the scenario of a result, m; None if it is not given."""
     tables = result.model.get("scenario", {}).get("bone", [])
     length_mm = next((table.get(key) for table in tables if table.get("name") == PALATE), None)

@@ -123,7 +123,7 @@ def constriction(mesh: HexMesh, displacement: np.ndarray, palate_rest: np.ndarra
 @kept(8)
 def palate_midline(palate: np.ndarray, plane: float) -> MidlineCurve | None:
     """The underside of a palate (m, 3 corners, 3) m in the plane y = ``plane``; None where it is not cut."""
-    lines = plane_segments(palate, np.array([0.0, plane, 0.0]), np.array([0.0, 1.0, 0.0]))[:, :, [X, Z]]
+    lines = midsagittal_lines(palate, plane)
     if not len(lines):
         return None
     first, last = lines[:, :, 0].min(), lines[:, :, 0].max()
@@ -132,8 +132,17 @@ def palate_midline(palate: np.ndarray, plane: float) -> MidlineCurve | None:
     x, z = x[np.isfinite(z)], z[np.isfinite(z)]
     start = int(np.argmin(np.where(x <= x[0] + INCISORS_WITHIN_M, z, np.inf)))
     points = np.column_stack([x, z])[start:]
-    length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
-    return MidlineCurve(points, length)
+    return MidlineCurve(points, lengths_along(points))
+
+
+def midsagittal_lines(triangles: np.ndarray, plane: float) -> np.ndarray:
+    """Segments (k, 2 ends, 2), x and z, where the plane y = ``plane`` cuts triangles (m, 3 corners, 3) m."""
+    return plane_segments(triangles, np.array([0.0, plane, 0.0]), np.array([0.0, 1.0, 0.0]))[:, :, [X, Z]]
+
+
+def lengths_along(line: np.ndarray) -> np.ndarray:
+    """Length (k,) of the line through points (k, 2) up to each of them."""
+    return np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
 
 
 def narrowest(line: MidlineCurve, tongue: np.ndarray, plane: float) -> Nearest | None:
@@ -141,7 +150,7 @@ def narrowest(line: MidlineCurve, tongue: np.ndarray, plane: float) -> Nearest |
 
     Where they overlap the distance is 0, and the place is that of the deepest overlap.
     """
-    lines = plane_segments(tongue, np.array([0.0, plane, 0.0]), np.array([0.0, 1.0, 0.0]))[:, :, [X, Z]]
+    lines = midsagittal_lines(tongue, plane)
     if not len(lines):
         return None
     # Two lines that do not cross are nearest at a corner of one of them.

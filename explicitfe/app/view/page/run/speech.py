@@ -16,7 +16,7 @@ from explicitfe.platform.errors import InputError
 from explicitfe.results.acoustics.speakers import spoken_vowels
 from explicitfe.results.documents.run_summary import kind_of
 from explicitfe.results.files import Result
-from explicitfe.results.measure.courses import FormantCourse, formants_at
+from explicitfe.results.measure.courses import FormantCourse, formant_course
 from explicitfe.results.measure.document import AirwaySection
 from explicitfe.results.measure.electrodes import ELECTRODE_COLUMNS
 from explicitfe.results.measure.leak import leak_history
@@ -64,7 +64,7 @@ def speech_of(result: Result, last: int) -> Speech | None:
         return None
     steps = np.unique(np.round(np.linspace(0, last, min(MOST_ACOUSTIC_SAMPLES, last + 1))).astype(int)).tolist()
     try:
-        course = formants_at(result, steps)
+        course = formant_course(result, steps=steps)
     except InputError:  # no palate, or nothing of the tongue lies across the airway
         return None
     areas, vowels = _areas(course), _vowels(course)

@@ -13,9 +13,8 @@ if TYPE_CHECKING:  # the command line reads signatures and docstrings before it 
     from explicitfe.results.documents.document import Document
     from explicitfe.results.documents.identification import Identification
     from explicitfe.results.documents.loop_report import LoopReport
-    from explicitfe.results.documents.planned_test import PlannedTest
+    from explicitfe.results.documents.planned_test import PlannedTest, ProposedTests
     from explicitfe.results.documents.prediction import Prediction
-    from explicitfe.results.documents.proposed_tests import ProposedTests
 
 PREDICTION_FILE, PREDICTION_PAGE = "predict.json", "predict.html"
 PLAN_FILE, PLAN_PAGE = "design-test.json", "design-test.html"

@@ -26,9 +26,8 @@ from explicitfe.results.documents.examination import Examination
 from explicitfe.results.documents.identification import Identification
 from explicitfe.results.documents.loop_report import LoopReport
 from explicitfe.results.documents.mesh_contents import MeshContents
-from explicitfe.results.documents.planned_test import PlannedTest
+from explicitfe.results.documents.planned_test import PlannedTest, ProposedTests
 from explicitfe.results.documents.prediction import Prediction
-from explicitfe.results.documents.proposed_tests import ProposedTests
 from explicitfe.results.documents.run_summary import (
     IndentationCheckReport,
     IndentationSummary,

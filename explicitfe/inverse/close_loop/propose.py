@@ -15,7 +15,7 @@ from explicitfe.platform.errors import InputError, Progress, silent
 from explicitfe.platform.host.text import text_of
 from explicitfe.platform.host.toml_text import toml_value
 from explicitfe.results.documents.loop_report import LoopReport, NextExperiment, estimates
-from explicitfe.results.documents.proposed_tests import ProposedTests
+from explicitfe.results.documents.planned_test import ProposedTests
 
 
 def propose(path: Path | str, *, processes: int | None = None, progress: Progress = silent) -> tuple[ProposedTests, LoopReport]:

@@ -1,10 +1,11 @@
-"""What ``explicitfe design-test`` says of a planned test. Only keys that were set are written."""
+"""Answers of ``explicitfe design-test``: a planned test, and proposed tests. Only keys that were set are written."""
 
 from __future__ import annotations
 
 from pydantic import BaseModel, Field
 
 from explicitfe.results.documents.document import Document
+from explicitfe.results.documents.loop_report import NextExperiment
 
 
 class EffectInTest(BaseModel):
@@ -56,4 +57,25 @@ class PlannedTest(Document):
     constants: dict[str, float]
     effects: list[EffectInTest]
     runs: int
+    files: list[str] = Field(default=[])
+
+
+class ProposedTests(Document):
+    """Tests that would settle what is open in a dataset, the best first.
+
+    Attributes
+    ----------
+    dataset, file : its name, and where it stands.
+    verdict, sure : of the closed loop, and the probability that it is right.
+    posterior : cause -> probability.
+    tests : none where no test within the limits of the rig is expected to tell much.
+    files : what was written; the key is there if a folder was asked for.
+    """
+
+    dataset: str
+    file: str
+    verdict: str
+    sure: float | None
+    posterior: dict[str, float]
+    tests: list[NextExperiment]
     files: list[str] = Field(default=[])

@@ -9,8 +9,7 @@ from explicitfe.app.view.page.design import apart_table, shown_table
 from explicitfe.app.view.page.words import worth_of
 from explicitfe.app.view.terminal.files import file_lines
 from explicitfe.app.view.terminal.rows import pairs, terminal_table
-from explicitfe.results.documents.planned_test import PlannedTest
-from explicitfe.results.documents.proposed_tests import ProposedTests
+from explicitfe.results.documents.planned_test import PlannedTest, ProposedTests
 
 # So many of the most probable causes are shown.
 SHOWN_CAUSES = 6

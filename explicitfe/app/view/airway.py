@@ -13,11 +13,12 @@ from explicitfe.app.view.palette import COLOURS, CONSTRICTION, plain
 from explicitfe.results.acoustics.formants import flow_ratio
 from explicitfe.results.acoustics.losses import ALL_LOSSES
 from explicitfe.results.files import Result
-from explicitfe.results.measure.airway import PALATE_BONE, airway_midline, airway_table, cut_sections, surroundings
+from explicitfe.results.measure.airway import airway_midline, airway_table, cut_sections, surroundings
 from explicitfe.results.measure.courses import constriction_course, formant_course
 from explicitfe.results.measure.document import Airway
 from explicitfe.results.measure.formants import airway_of, tube_of
 from explicitfe.results.measure.sections import X, Z, midsagittal
+from explicitfe.results.measure.tract import PALATE
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -41,7 +42,7 @@ def airway_figure(result: Result, step: int, over_time: bool = False) -> Figure 
     ----------
     over_time : draw formants and constriction over the whole run too, which takes some seconds.
     """
-    if result.model.get("airway") is None or PALATE_BONE not in result.bones:
+    if result.model.get("airway") is None or PALATE not in result.bones:
         return None
     airway = airway_of(result, step)
     figure = result_figure(result, 12.2 if over_time else 9.2, f"Airway at {1e3 * result.times[step]:.0f} ms")

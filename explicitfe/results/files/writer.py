@@ -60,11 +60,6 @@ class ResultWriter(Recorder):
     MachineError : the disk has too little free space for the expected samples.
     """
 
-    _disk: DiskFile
-    _name: Path
-    _overwrite: bool
-    _made: list[Path]
-    _file: h5py.File
     _private = True  # its name is one that nobody knows
     _samples = 0
     _last_time = -np.inf

@@ -15,11 +15,12 @@ from explicitfe.fem.mesh.triangles import corners_of, surface_triangles
 from explicitfe.platform.errors import InputError
 from explicitfe.results.files import Recorded
 from explicitfe.results.files.airway_table import AirwayTable, WallTable
-from explicitfe.results.measure.bodies import roof_of, tongue_of
+from explicitfe.results.measure.bodies import roof_of, tongue_of, value_of_palate
 from explicitfe.results.measure.document import AirwayRegion
 from explicitfe.results.measure.sections import X, Z, middle
 from explicitfe.results.measure.tract import (
     COLUMN_WIDTH_M,
+    PALATE,
     SAME_POINT_M,
     TOUCHING_GAP_M,
     SectionPlane,
@@ -30,7 +31,7 @@ from explicitfe.results.measure.tract import (
     palate_midline,
 )
 
-PALATE_BONE, JAW_BONE = "palate", "jaw"
+JAW_BONE = "jaw"
 # The midline is drawn through points this far apart, smoothed over this length, in so many rounds.
 POINT_SPACING_M = 1e-3
 MIDLINE_SMOOTHING_M = 5e-3
@@ -98,15 +99,16 @@ def surroundings(result: Recorded, step: int, table: AirwayTable) -> Surrounding
     ------
     InputError : the run had no bone called "palate".
     """
-    if PALATE_BONE not in result.bones:
-        raise InputError(f'{result.path} has no airway: it requires a [[bone]] named "{PALATE_BONE}"; add it to the scenario.')
+    if PALATE not in result.bones:
+        raise InputError(f'{result.path} has no airway: it requires a [[bone]] named "{PALATE}"; add it to the scenario.')
     (mesh, displacement), bones = tongue_of(result, step), result.placed_bones(step)
     tongue, _ = surface_triangles(mesh, mesh.points + displacement)
     jaw = corners_of(*bones[JAW_BONE]) if JAW_BONE in bones else tongue[:0]
-    roof = roof_of(result, step, bones[PALATE_BONE])
-    around = bounds_of_air(tongue, roof, jaw, table, middle(mesh), _palate_shift(result))
+    roof = roof_of(result, step, bones[PALATE])
+    shift = 1e-3 * np.array(value_of_palate(result, "shift_mm") or np.zeros(3))  # the wall goes with the palate
+    around = bounds_of_air(tongue, roof, jaw, table, middle(mesh), shift)
     if around is None:
-        raise InputError(f'{result.path} has no airway, because its "{PALATE_BONE}" does not cross the midsagittal plane.')
+        raise InputError(f'{result.path} has no airway, because its "{PALATE}" does not cross the midsagittal plane.')
     return around
 
 
@@ -217,14 +219,6 @@ def open_area(plane: SectionPlane, around: Surroundings) -> float | None:
         return None
     gap = np.where(inside, section.tongue - section.palate, 0.0)
     return COLUMN_WIDTH_M * float(gap[gap >= TOUCHING_GAP_M].sum())
-
-
-def _palate_shift(result: Recorded) -> np.ndarray:
-    """By how much the scenario shifts the palate (3,) m: the wall goes with it."""
-    for bone in result.model["scenario"].get("bone", []):
-        if bone["name"] == PALATE_BONE:
-            return 1e-3 * np.array(bone.get("shift_mm", [0.0, 0.0, 0.0]))
-    return np.zeros(3)
 
 
 def _across(points: np.ndarray, along: np.ndarray, outer: np.ndarray, inner: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

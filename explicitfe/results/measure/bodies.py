@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from explicitfe.fem.mesh.hexmesh import HexMesh
 from explicitfe.fem.mesh.triangles import corners_of, surface_triangles
 from explicitfe.results.files import Recorded
+from explicitfe.results.measure.tract import PALATE
 
 VELUM = "velum"  # as scenarios call this body
 
@@ -38,6 +41,12 @@ def roof_of(result: Recorded, step: int, palate: tuple[np.ndarray, np.ndarray]) 
     hexes = mesh.hexes[np.isin(mesh.hexes[:, 0], mesh.node_sets[VELUM])]
     velum, _ = surface_triangles(HexMesh(mesh.points, hexes, {}, {}), mesh.points + result.displacement(step))
     return np.concatenate([corners, velum])
+
+
+def value_of_palate(result: Recorded, key: str) -> Any:
+    """A value of the ``[[bone]]`` table of the palate in the scenario of a result; None if it is not given."""
+    tables = result.model.get("scenario", {}).get("bone", [])
+    return next((table.get(key) for table in tables if table.get("name") == PALATE), None)
 
 
 def _further(result: Recorded) -> list[str]:

@@ -15,6 +15,7 @@ from explicitfe.fem.mesh.hexmesh import FACES, free_faces
 from explicitfe.fem.mesh.surface_points import surface_areas
 from explicitfe.fem.mesh.triangles import corners_of
 from explicitfe.results.files import Recorded
+from explicitfe.results.measure.bodies import value_of_palate
 from explicitfe.results.measure.document import ContactCourse, Palatogram, PalatogramPattern
 from explicitfe.results.measure.electrodes import ELECTRODE_COLUMNS, ELECTRODE_ROWS, Electrodes, electrodes
 from explicitfe.results.measure.sections import middle
@@ -210,8 +211,7 @@ def centre_of_gravity(touched: np.ndarray) -> float | None:
 
 def length_of_palate(result: Recorded, key: str) -> float | None:
     """A length in the ``[[bone]]`` table of the palate in the scenario of a result, m; None if it is not given."""
-    tables = result.model.get("scenario", {}).get("bone", [])
-    length_mm = next((table.get(key) for table in tables if table.get("name") == PALATE), None)
+    length_mm = value_of_palate(result, key)
     return None if length_mm is None else 1e-3 * float(length_mm)
 
 

@@ -75,8 +75,7 @@ class Comparing:
         self.sketch = Sketch(system, fit) if system.costly(fit.model) else None
         self.fast = None if self.sketch is None else FastFits(system, self.sketch, self.table, covariance)
         self.fast_fits: dict[Key, Entry] = {}
-        self.estimates = Estimates(self._near, sum(len(one.measured) for one in system.series))
-        self.near: dict[Key, dict[str, Signature]] = {}
+        self.estimates = Estimates(sum(len(one.measured) for one in system.series))
         self.at_baseline = self._signatures(fit, covariance, tested)
         causes = {one.candidate.cause for one in self.at_baseline}
         self.prior = Prior(len(causes), forms_by_cause(self.library))
@@ -278,21 +277,10 @@ class Comparing:
         negligible = best + np.log(THRESHOLDS.negligible_probability)
         if explained and not self._is_fast(entry.model) and self._log_posterior(entry) <= negligible:
             return False
-        nearest, prior = max(self.fitted.values(), key=self._closeness), self.prior.log(entry.causes)
-        evidence = entry.evidence.with_gain(self.estimates.possible_gain(entry.key, screening, nearest))
-        least = np.inf if explained else self._closeness(nearest)
+        prior = self.prior.log(entry.causes)
+        evidence = entry.evidence.with_gain(self.estimates.possible_gain(entry.key, screening))
+        least = np.inf if explained else max(map(self._closeness, self.fitted.values()))
         return evidence.closed + prior > least or evidence.best + prior > negligible
-
-    def _near(self, fitted: Entry) -> dict[str, Signature]:
-        """Effect -> signature beside a fitted hypothesis."""
-        if fitted.key not in self.near:
-            assert fitted.fit is not None and fitted.covariance is not None and fitted.system is not None
-            costly = self.system.costly(fitted.model)
-            usable = self.visible & set(self.table) if costly else self.visible
-            candidates = [c for c in fitted.system.candidates(fitted.model) if not c.reason and c.effect in usable]
-            known = self._signatures(fitted.fit, fitted.covariance, candidates)
-            self.near[fitted.key] = {one.candidate.effect: one for one in known if one.values}
-        return self.near[fitted.key]
 
     def _is_fast(self, model: Hypothesis) -> bool:
         """Whether a model takes no more time than others: no slow effect, and no mesh where the baseline needs none."""
@@ -437,11 +425,8 @@ class Comparing:
     def _comparison(self) -> ComparedCauses:
         best = max(map(self._log_posterior, self.fitted.values()))  # no estimate is more probable than it
         unfitted = {key: one for key, one in self.screened.items() if key not in self.fitted}
-        nearest = max(self.fitted.values(), key=self._closeness)
         average = self.estimates.average_over_gains
-        estimated = [
-            average(*one, nearest, self._log_posterior, best) if key in self.left else one[0] for key, one in unfitted.items()
-        ]
+        estimated = [average(*one, self._log_posterior, best) if key in self.left else one[0] for key, one in unfitted.items()]
         entries = [*self.fitted.values(), *(one.lowered(self._log_posterior(one) - best) for one in estimated)]
         posterior = posterior_of([(one.causes, one.evidence) for one in entries], self.prior)
         entries.sort(key=self._log_posterior, reverse=True)

@@ -30,7 +30,6 @@ HIGHEST_CORRELATION = 0.98
 # The mean absolute difference of two normal numbers over their standard deviation, for the median.
 MEDIAN_OF_DIFFERENCE = 0.9539
 RIGID = RegistrationTable(rotation="fit", translation="fit")
-SCALED = RegistrationTable(rotation="fit", translation="fit", scale="fit")
 
 
 @dataclass(frozen=True, eq=False)

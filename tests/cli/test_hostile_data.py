@@ -59,7 +59,7 @@ def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_texts_of_a_dataset_stand_on_the_page_as_text(report: Path) -> None:
     page = report.read_text(encoding="utf-8")
-    for tag in ("<script", "<svg", "<img src=x", "<iframe", "<link"):
+    for tag in ("<script", "<svg onload", "<img src=x", "<iframe", "<link"):
         assert tag not in page
     assert "&lt;script&gt;" in page and "&lt;img src=x" in page
     assert not re.search(r"https?:", page)
@@ -83,7 +83,7 @@ def test_no_script_of_a_dataset_runs_in_a_browser(report: Path, tmp_path: Path) 
     seen = json.loads(witness.replace("&quot;", '"').replace("&lt;", "<").replace("&gt;", ">").replace("&amp;", "&"))
     assert seen["owned"] is None and "data-owned" not in done.stdout
     assert seen["scripts"] == 1  # the witness itself
-    assert set(seen["images"]) == {"data:image/png;"}
+    assert not seen["images"]  # charts of the page are drawn in it
     for text in (f"id {IMAGE}", f"other {IMAGE}", f"defect {SCRIPT}"):
         assert text in seen["text"]
 

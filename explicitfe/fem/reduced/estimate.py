@@ -51,15 +51,16 @@ def estimate(
     instants = np.unique(pressing[np.linspace(0, len(pressing) - 1, count + 1).astype(int)[1:]])
     visits = np.linspace(0, len(time_s) - 1, MOST_VISITS).astype(int) if main.materials else instants[:0]
     visits = np.union1d(visits, instants)
-    numbers = numbers_along(main.materials, time_s[visits])
+    numbers = numbers_along(main.materials, np.diff(time_s[visits], prepend=time_s[visits[0]]))
     errors = []
-    for row, own in zip(visits, numbers, strict=True):
+    for row, moving in zip(visits, numbers.moving, strict=True):
         x, force = followed.unknowns[row], followed.force_N[row]
         main.u = body.modes.displacements @ x[:n]
         main.pressures = body.modes.pressures @ x[n:-1] * law.shear_modulus_Pa
         main.depth = x[-1]
         if main.materials:
-            main.blocks.effects[:] = own[None, :, None]
+            numbers.steady[numbers.places] = moving
+            main.blocks.effects[:] = numbers.steady[None, :, None]
         rows = newton.evaluate(main, with_stiffness=row in instants)
         if row in instants and rows is not None and newton.factorize():
             (_, deeper, _), _ = newton.step_of(main, rows, (0.0, 1.0), force)

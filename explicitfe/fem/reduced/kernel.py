@@ -284,15 +284,17 @@ def follow(imposed, numbers, ahead, control, history, state, anchors, reduced, p
     Parameters
     ----------
     imposed : (i,) goals, see :func:`residual`.
-    numbers : (i, j) numbers of the effects for the increment that ends at each instant.
+    numbers : of the effects for the increments that end at the instants.
     ahead : (i, 3) weights of the last three states, the latest first, in what each search begins with.
     history : (3, N) the last three states, the latest first.
     answers : (i, N + 2) unknowns, then force [N] and depth without what the springs give way by [m].
     """
     x, yielded, surface = history[0].copy(), np.full(3, state[YIELDED]), reduced.surface
+    for k in range(len(numbers.steady)):
+        blocks.effects[:, k] = numbers.steady[k]
     for instant in range(len(imposed)):
-        for k in range(numbers.shape[1]):
-            blocks.effects[:, k] = numbers[instant, k]
+        for k in range(len(numbers.places)):
+            blocks.effects[:, numbers.places[k]] = numbers.moving[instant, k]
         goal, old, leads = imposed[instant], state[COORDINATE], ahead[instant, 1] != 0.0
         x[:], state[YIELDED] = np.dot(ahead[instant], history), np.dot(ahead[instant], yielded)
         done, share, force, compression = 0.0, 1.0, 0.0, 0.0

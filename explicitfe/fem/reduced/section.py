@@ -178,7 +178,7 @@ class _Run:
         answers = np.zeros((len(goals), len(self.x) + 2))
         self.state[AGE] = -1.0
         self.state[COORDINATE] = 0.0 if control[0] == 0.0 else self.x[-1]
-        numbers = numbers_along(self.tissue.materials, time_s)
+        numbers = numbers_along(self.tissue.materials, np.diff(time_s, prepend=time_s[0]))
         done = self.kernel(
             np.ascontiguousarray(goals, dtype=float),
             numbers,

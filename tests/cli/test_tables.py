@@ -28,6 +28,10 @@ def test_every_direction_has_a_unit(forward_up_right: tuple[float, float, float]
     assert moved(*forward_up_right) == words
 
 
+def test_a_body_that_is_no_tongue_moves_along_axes() -> None:
+    assert moved(-7.99, -0.001, 0.43, anatomical=False) == "x 7.99, y 0.43, z 0.00 mm"
+
+
 def test_names_of_files_stand_on_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Longer than a terminal is wide, they are not folded: a person copies them."""
     folder = tmp_path / ("a-long-name-of-a-folder-" * 8)

@@ -9,7 +9,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from explicitfe.app.view.page.words import motion_at_end, number, reaction_in_words, speed
-from explicitfe.app.view.terminal.rows import forward_up, moved, pairs
+from explicitfe.app.view.terminal.rows import TIP, forward_up, moved, pairs
 from explicitfe.results.measure.document import (
     Airway,
     BoneContact,
@@ -22,7 +22,6 @@ from explicitfe.results.measure.document import (
 
 # A point that has never moved farther is shown without its largest displacement.
 SMALLEST_SHOWN_MM = 0.005
-TIP = "tip"  # a named point that only a tongue has
 
 
 def measures_table(measured: Sequence[Measures]) -> Table:
@@ -56,15 +55,15 @@ def measure_rows(measures: Measures) -> Iterator[tuple[str, str]]:
     """Names and values of the measures; lengths in mm."""
     body = measures.body
     yield "time", f"{measures.time_ms:.4g} ms"
-    for name, point in measures.points.items():
-        yield escape(name), _motion(point)
     is_tongue = TIP in measures.points
-    if measures.highest is not None:
-        highest = measures.highest
+    for name, point in measures.points.items():
+        yield escape(name), _motion(point, anatomical=is_tongue)
+    highest = measures.highest
+    if is_tongue and highest is not None:
         yield (
             "highest point",
             f"{forward_up(highest.forward_mm, highest.up_mm)} (now {highest.behind_tip_mm:.1f} mm behind and "
-            f"{highest.above_tip_mm:.1f} mm above the {'tip' if is_tongue else 'foremost point'} at rest)",
+            f"{highest.above_tip_mm:.1f} mm above the tip at rest)",
         )
     if is_tongue and measures.grooves:
         depths = " / ".join(f"{groove.depth_mm:.1f}" for groove in measures.grooves.values())
@@ -101,8 +100,8 @@ def measure_rows(measures: Measures) -> Iterator[tuple[str, str]]:
         )
 
 
-def _motion(point: PointMotion) -> str:
-    text = moved(point.forward_mm, point.up_mm, point.right_mm)
+def _motion(point: PointMotion, *, anatomical: bool) -> str:
+    text = moved(point.forward_mm, point.up_mm, point.right_mm, anatomical=anatomical)
     # A movement that has returned is described by its largest displacement, any other by its rise time.
     has_returned = point.time_to_90_ms is None and point.largest_mm > SMALLEST_SHOWN_MM
     farthest = f"; largest {point.largest_mm:.2f} mm at {point.largest_at_ms:.0f} ms" if has_returned else ""

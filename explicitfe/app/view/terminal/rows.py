@@ -132,12 +132,15 @@ def with_files(table: Table, summary: RunSummary) -> Group:
     return Group(table, file_lines([*(("plot", path) for path in summary.get("plots", [])), ("result", summary["result"])]))
 
 
+TIP = "tip"  # a named point that only a tongue has
 # Lateral motion below this share of the other components is omitted.
 SIDEWAYS_SHARE_OF_MOTION = 0.01
 
 
-def moved(forward_mm: float, up_mm: float, right_mm: float) -> str:
-    """A displacement in anatomical directions: "forward 4.27, up 1.55 mm"."""
+def moved(forward_mm: float, up_mm: float, right_mm: float, *, anatomical: bool = True) -> str:
+    """A displacement in anatomical directions, "forward 4.27, up 1.55 mm", or along the axes, "x -4.27, y 0.00, z 1.55 mm"."""
+    if not anatomical:
+        return f"x {-forward_mm:z.2f}, y {right_mm:z.2f}, z {up_mm:z.2f} mm"
     if abs(right_mm) > SIDEWAYS_SHARE_OF_MOTION * max(abs(forward_mm), abs(up_mm)):
         sideways = f", {'right' if right_mm > 0.0 else 'left'} {abs(right_mm):.2f}"
     else:

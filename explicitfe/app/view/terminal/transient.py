@@ -9,7 +9,7 @@ from rich.markup import escape
 
 from explicitfe.app.view.page.words import motion_at_end, speed, steps_in_words
 from explicitfe.app.view.terminal.files import file_lines
-from explicitfe.app.view.terminal.rows import StoredTimes, add_mesh_rows, inverted_text, moved, pairs, size_text, with_files
+from explicitfe.app.view.terminal.rows import TIP, StoredTimes, add_mesh_rows, inverted_text, moved, pairs, size_text, with_files
 from explicitfe.results.documents.run_summary import TransientCheckReport, TransientSummary
 
 
@@ -34,7 +34,7 @@ def summary_table(summary: TransientSummary) -> Group:
     table.add_row("inverted", inverted_text(summary))
     table.add_row("at the end", motion_at_end(summary["settled"], summary["largest_speed_mm_s"]))
     for name, probe in summary["probes"].items():
-        motion = moved(probe["forward_mm"], probe["up_mm"], probe["right_mm"])
+        motion = moved(probe["forward_mm"], probe["up_mm"], probe["right_mm"], anatomical=TIP in summary["probes"])
         table.add_row(escape(name), f"{motion}, at {speed(probe['speed_mm_s'])} mm/s")
     return with_files(table, summary)
 

@@ -29,10 +29,8 @@ from explicitfe.results.measure.airway import (
     wall_surface,
 )
 from explicitfe.results.measure.courses import constriction_course, formant_course
-from explicitfe.results.measure.document import Airway
-from explicitfe.results.measure.formants import Piece, airway_of, formants_of, limit_by_leak
+from explicitfe.results.measure.formants import Piece, airway, formants_of, limit_by_leak
 from explicitfe.results.measure.measure import measure
-from explicitfe.results.measure.steps import step_at
 from explicitfe.results.measure.tract import SectionPlane
 from explicitfe.simulate.anatomy import catalogue
 from explicitfe.simulate.run.transient import TransientAnalysis
@@ -44,12 +42,6 @@ assert TABLE is not None
 AIRWAY = TABLE.model_dump(mode="json")
 TIMES_S = (0.0, 0.1)
 REGIONS = ["larynx", "epiglottis", "pharynx", "mouth", "lips"]
-
-
-def airway(path: Path, time_s: float | None = None) -> Airway:
-    """The airway of a result at the sample nearest to a time, at the last one by default."""
-    with open_result(path) as result:
-        return airway_of(result, step_at(result, time_s))
 
 
 def tongue(

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 from explicitfe.platform.errors import InputError
 from explicitfe.results.acoustics.formants import Tube, formants
-from explicitfe.results.files import Recorded
+from explicitfe.results.documents.run_summary import kind_of
+from explicitfe.results.files import Recorded, open_result
 from explicitfe.results.files.airway_table import AirwayTable, LarynxTable
 from explicitfe.results.measure.airway import Surroundings, airway_midline, airway_table, cut_sections, surroundings
 from explicitfe.results.measure.document import Airway, AirwayRegion, AirwaySection, AreaSource, FormantFigures, FormantShifts
 from explicitfe.results.measure.leak import leak_history
+from explicitfe.results.measure.steps import step_at
 from explicitfe.results.measure.tract import lengths_along
 
 FORMANT_COUNT = 3
@@ -35,6 +38,19 @@ class Piece(NamedTuple):
     source: AreaSource
     length_mm: float
     area_mm2: float
+
+
+def airway(path: Path, time_s: float | None = None) -> Airway:
+    """The airway of a result and its formants, at the sample nearest to a time; at the last one by default.
+
+    Raises
+    ------
+    InputError : the file cannot be read, holds no such time, or its run had no palate or no built-in tongue.
+    """
+    with open_result(path) as result:
+        if kind_of(result.model) != "transient":
+            raise InputError(f"{path} is the result of an indentation: it has no airway.")
+        return airway_of(result, step_at(result, time_s))
 
 
 def airway_of(result: Recorded, step: int) -> Airway:

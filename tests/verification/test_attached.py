@@ -317,7 +317,9 @@ def test_the_weight_of_a_body_in_a_wrong_unit_is_named(tmp_path: Path) -> None:
     path = write(tmp_path, "")
     text = path.read_text(encoding="utf-8")
     path.write_text(text.replace("100.0, 10.0, 10.0", "5000.0, 5000.0, 5000.0"), encoding="utf-8")
-    with pytest.raises(InputError, match=r"the weight of a node of this mesh, 5000 mm long, is \d+ N.*the unit of length"):
+    with pytest.raises(
+        InputError, match=r"the mesh is 5000 mm long, and the weight at one of its nodes is \d+ N.*the unit of length"
+    ):
         assemble(read_transient(path), tmp_path)
 
 

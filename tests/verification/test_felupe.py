@@ -7,17 +7,16 @@ others. The stress of ``hex8``, which has one point, is compared where it is uni
 
 from __future__ import annotations
 
+import felupe
 import numpy as np
 import pytest
+import tensortrax
 from support import model_of
 
 from explicitfe.fem.materials.yeoh import Yeoh
 from explicitfe.fem.mesh.box import box
 from explicitfe.fem.model.attached import FacePressure
 from explicitfe.fem.solve.simulation import Simulation
-
-felupe = pytest.importorskip("felupe", reason="a test against another program: pip install felupe tensortrax")
-tensortrax = pytest.importorskip("tensortrax", reason="a test against another program: pip install felupe tensortrax")
 
 YEOH = Yeoh(C10_Pa=1037.0, C20_Pa=486.0, poisson=0.4)
 MESH = box((6, 3, 3), (0.02, 0.01, 0.01))

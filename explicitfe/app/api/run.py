@@ -75,7 +75,7 @@ def run(
     settings : values that replace those of the scenario: ``{"model.resolution": "coarse"}``, or a list of texts
         ``"model.resolution=coarse"``.
     overwrite : replace an existing result.
-    resume : resume an interrupted run of this scenario; start one if there is none.
+    resume : continue an interrupted run of this scenario; without one, begin a new run.
     progress : called with the stage and the share of it that is done.
 
     Returns

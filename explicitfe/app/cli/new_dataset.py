@@ -52,7 +52,7 @@ class NewDatasetOptions:
     out : folder of the dataset; by default named after the files.
     test : kind of test: compression | indentation | tension | equibiaxial | planar | shear | trajectory; one for each file,
         separated by commas, for several homogeneous tests in one dataset.
-    time, displacement, force, stretch, stress, shear_strain, shear_stress : column of this quantity, and its unit.
+    time, displacement, force, stretch, stress, shear_strain, shear_stress : column of this quantity, with its unit.
     diameter_mm : diameter of a cylindrical specimen.
     height_mm : height of the cylinder, along the load.
     size_mm : dimensions of a block; the last one is along the load.

@@ -20,7 +20,7 @@ def schema(kind: str | None = None, *, answer: str | None = None) -> None:
     ----------
     kind : kind of file: scenario | dataset | protocol (of a planned test) | model (of a custom mesh) | tissue (constants and
         effects); by default scenario.
-    answer : print the schema of the --json output of this command instead, or of a failure.
+    answer : print the JSON schema of the output of this command, or that of an error with the value failure.
     """
     if answer is None:
         with following(console, f"generating the schema of {kind or 'scenario'}"):

@@ -58,8 +58,8 @@ def gravity_load(
     if heaviest > largest:
         extent_mm = 1e3 * float(np.ptp(mesh.points, axis=0).max())
         raise InputError(
-            f"the weight of a node of this mesh, {extent_mm:.0f} mm long, is {heaviest:.0f} N, above the largest force of "
-            f"{largest:g} N; check the unit of length of the mesh, and the density."
+            f"gravity: the mesh is {extent_mm:.0f} mm long, and the weight at one of its nodes is {heaviest:.0f} N; the largest "
+            f"permitted force is {largest:g} N. Check the unit of length of the mesh, and the density."
         )
     return NodalLoad("gravity", np.arange(mesh.node_count), force, Profile.constant())
 

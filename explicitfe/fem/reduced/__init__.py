@@ -1,1 +1,1 @@
-"""Reduced models: bodies in few unknowns, made from solutions of the full model, with an estimate of what the reduction costs."""
+"""Reduced-order models: Galerkin projection on modes of full solutions, with an estimate of the error of the projection."""

@@ -15,8 +15,8 @@ from explicitfe.fem.reduced.snapshots import Snapshots
 
 # States that the weights are fitted to; rows of the fit below this share of the largest singular value are left out.
 FITTED_STATES, SMALLEST_SINGULAR_SHARE = 40, 1e-7
-# Weights of changes of volume, of what an error does to the force on the tool, and of the whole volume, relative to forces on
-# the modes.
+# Weights of the equations of the fit, relative to those of the modal forces: the volume constraints of the pressure modes, the
+# effect on the tool force, and the total volume.
 VOLUME_WEIGHT, DUAL_WEIGHT, VOLUME_SHARE = 10.0, 100.0, 1e-2
 CANDIDATES_AT_ONCE, SMALLEST_WEIGHT = 4, 1e-14
 

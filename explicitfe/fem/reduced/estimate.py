@@ -1,7 +1,7 @@
-"""What a reduced section errs by: one Newton step of the full section from some of its states.
+"""Error estimate of a reduced section: one Newton step of the full section from some of its states.
 
 The step weighs the residual of the full section with its response to the tool (dual-weighted residual; Becker & Rannacher 2001):
-what is left of the residual at the reduced state becomes a change of the tool's depth at the same force.
+it converts the residual at the reduced state into a change of the tool's depth at the same force.
 """
 
 from __future__ import annotations

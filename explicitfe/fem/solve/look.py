@@ -93,7 +93,7 @@ class Ceilings(NamedTuple):
     """What may happen in a step before the next stability check is due at once."""
 
     barrier: float  # how stiff the barrier against folding may become, over mass [1/s^2]
-    fall: float  # how far the corner nearest to folding may fall in a step, as a share of what is left of it
+    fall: float  # largest decrease of the smallest corner Jacobian in one step, as a share of its present value
     contact: float  # how much stiffer the contact of a face with a bone may become, over its stiffness at first touch
 
 
